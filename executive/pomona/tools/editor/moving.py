@@ -14,6 +14,7 @@ from pomona.tools.editor.patching import (
     Snippet,
     TextPatch,
     in_braces,
+    indented,
     lift,
     read_snippet,
 )
@@ -152,7 +153,7 @@ def put(
             at = tree.start(items.items[index])
             patch.replace(at, at, f"{node.flow()}, ")
         else:
-            patch.add_in_flow(items, items.items, node.flow())
+            patch.add_in_flow(items, node.flow())
         return
     lines = node.lifted.indented(items.column + 1, "- ")
     if index < len(items.items):
@@ -195,7 +196,7 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
                 )
             elif found is None:
                 lines = [f"{place.cases}:", f"{' ' * STEP}{word}:", *node.lifted.indented(2 * STEP)]
-                patch.add_entry(at, [" " * (at.column - 1) + line for line in lines])
+                patch.add_entry(at, lines)
             else:
                 key = at.entries[place.cases][0]
                 text = "\n".join([f"{word}:", *node.lifted.indented(STEP)])
@@ -208,25 +209,22 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
         key = _subtree_key(tree, place.parent[:-1])
         patch.replace(patch.after_colon(key) or tree.end(key), tree.end(at), "")
         lines = [" " * STEP + f"{word}:", *node.lifted.indented(2 * STEP)]
-        patch.insert_lines(
-            key.line, [" " * (key.column - 1) + line if line else line for line in lines]
-        )
+        patch.insert_lines(key.line, indented(lines, key.column - 1))
         return
     if tree.is_flow(at):
-        pairs = [entry for pair in at.entries.values() for entry in pair]
-        patch.add_in_flow(at, pairs, f"{word}: {node.flow()}")
+        patch.add_in_flow(at, f"{word}: {node.flow()}")
         return
     if place.word in at.entries:  # `root:` without a node
         key = at.entries[place.word][0]
         patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + STEP))
         return
     lines = [f"{word}:", *node.lifted.indented(STEP)]
-    lines = [" " * (at.column - 1) + line if line else line for line in lines]
     below = at.entries.get("subtrees") if at is tree.top else None
     if below is None:
         patch.add_entry(at, lines)
     else:
-        patch.insert_lines(patch.entry_rows(*below)[0], [*lines, ""])
+        lines = [*indented(lines, at.column - 1), ""]
+        patch.insert_lines(patch.entry_rows(*below)[0], lines)
 
 
 def _subtree_key(tree: WrittenTree, name: str) -> YamlScalar:

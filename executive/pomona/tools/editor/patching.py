@@ -16,7 +16,7 @@ from pomona.executive.values.yaml_nodes import (
     read_yaml,
 )
 from pomona.tools.editor.format import STEP
-from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
+from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree, values_in
 
 IN_FLOW = re.compile(r"[,\[\]{}]")  # characters that end a plain text in braces
 _COLON = re.compile(r"[ \t]*:(?=\s|$|[,\[\]{}\"'])")
@@ -47,6 +47,11 @@ def shifted(line: str, by: int) -> str:
     if by and bare[:1] == "\t":
         raise EditError("a tab indents a line of this node; replace it by spaces")
     return " " * max(0, len(line) - len(bare) + by) + bare if line else line
+
+
+def indented(lines: Sequence[str], column: int) -> list[str]:
+    """Return lines further to the right; empty ones stay empty."""
+    return [" " * column + line if line else line for line in lines]
 
 
 @dataclass(slots=True, eq=False)
@@ -136,6 +141,13 @@ class TextPatch:
         last = max(tree.row(tree.end(value)), tree.row(tree.end(key)))
         return first, row, self.trailing(last, key.column - 1)
 
+    def rows_of(self, node: WrittenNode) -> tuple[int, int, int]:
+        """Return the lines of a node: the first comment's, the dash's or the key's, the last."""
+        step = node.path[-1]
+        if isinstance(node.holder, YamlList):
+            return self.item_rows(node.holder, int(step))
+        return self.entry_rows(*node.holder.entries[str(step)])
+
     def after_colon(self, key: YamlScalar) -> int | None:
         """Return the offset behind the colon of a key; None when it has none (`{Beep}`)."""
         found = _COLON.match(self.tree.text, self.tree.end(key))
@@ -149,26 +161,21 @@ class TextPatch:
         if entry is not None:
             self.set_value(at, *entry, value)
         elif self.tree.is_flow(at):
-            self.add_in_flow(
-                at,
-                [entry for pair in at.entries.values() for entry in pair],
-                f"{word}: {value.flow()}",
-            )
+            self.add_in_flow(at, f"{word}: {value.flow()}")
         elif id(at) in self.tree.pairs:
             self.replace(self.tree.start(at), self.tree.start(at), "{")
             self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
         else:
-            self.add_entry(
-                at, [" " * (at.column - 1) + line if line else line for line in value.below(word)]
-            )
+            self.add_entry(at, value.below(word))
 
     def add_entry(self, at: YamlMapping, lines: Sequence[str]) -> None:
         """Put lines behind the last entry of a mapping without braces."""
         last = self.trailing(self.tree.row(self.tree.end(at)), at.column - 1)
-        self.insert_lines(last + 1, lines)
+        self.insert_lines(last + 1, indented(lines, at.column - 1))
 
-    def add_in_flow(self, at: YamlNode, items: Sequence[YamlNode], new: str) -> None:
+    def add_in_flow(self, at: YamlNode, new: str) -> None:
         """Put an item last in braces or brackets."""
+        items = values_in(at)
         if items:
             end = max(self.tree.end(item) for item in items[-2:])
             self.replace(end, end, f", {new}")
@@ -185,7 +192,6 @@ class TextPatch:
         flow = inside or value.on_one_line
         head, *rest = [f": {value.flow() if inside else value.line}"] if flow else value.below("")
         new = head[1:]
-        rest = [" " * (key.column - 1) + line if line else line for line in rest]
         if colon is None:
             self.replace(tree.end(key), tree.end(key), head)
         elif start == end:
@@ -199,7 +205,8 @@ class TextPatch:
             self.replace(colon, colon, new)
             end = tree.line_end(key.line - 1)
         if rest:
-            self.insert_lines(tree.row(max(end, tree.end(key))) + 1, rest)
+            row = tree.row(max(end, tree.end(key))) + 1
+            self.insert_lines(row, indented(rest, key.column - 1))
 
     def remove_entry(self, at: YamlMapping, word: str) -> None:
         """Take a key and its value out of a mapping. Raises EditError: a comment would be lost."""
@@ -339,17 +346,11 @@ def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
     at = node.at
     start = tree.start(at)
     column = at.column - 1
-    if isinstance(node.holder, YamlList) and tree.is_flow(node.holder):
+    if tree.is_flow(node.holder):
         raw = tree.raw(at)
-        text = raw if raw[:1] in ("{", "[") or not isinstance(at, YamlMapping) else f"{{{raw}}}"
+        text = f"{{{raw}}}" if isinstance(at, YamlMapping) and not tree.is_flow(at) else raw
         return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", text)), column)
-    if isinstance(node.holder, YamlList):
-        first, head, last = patch.item_rows(node.holder, int(node.path[-1]))
-    else:
-        key, value = node.holder.entries[str(node.path[-1])]
-        if tree.is_flow(node.holder):
-            return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", tree.raw(at))), column)
-        first, head, last = patch.entry_rows(key, value)
+    first, head, last = patch.rows_of(node)
     comments = [tree.line(row).strip() for row in range(first, head)]
     behind = [row for row in range(head, at.line - 1) if row + 1 in tree.source.comments]
     comments += [tree.text[tree.comment_start(row) : tree.line_end(row)].rstrip() for row in behind]

@@ -27,12 +27,10 @@ _FIRST_VALUES: dict[object, str] = {
 def rewrite(patch: TextPatch, node: WrittenNode, new: LiftedNode) -> None:
     """Put other lines in the place of a node that stands on lines of its own; its comments are in the new ones."""
     at = node.at
+    first, _, last = patch.rows_of(node)
     if isinstance(node.holder, YamlList):
-        first, _, last = patch.item_rows(node.holder, int(node.path[-1]))
         lines = new.indented(node.holder.column + 1, "- ")
     else:
-        key, value = node.holder.entries[str(node.path[-1])]
-        last = patch.entry_rows(key, value)[2]
         first = patch.leading(at.line - 1, at.column - 1)
         lines = new.indented(at.column - 1)
     patch.insert_lines(first, lines)
@@ -119,7 +117,7 @@ def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
     tree = patch.tree
     at = node.at
     first = patch.leading(at.line - 1, at.column - 1)
-    last = patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2]
+    last = patch.rows_of(node)[2]
     comments = tuple(tree.line(row).strip() for row in range(first, at.line - 1))
     lines = [
         tree.line(at.line - 1)[at.column - 1 :],
@@ -164,7 +162,7 @@ def _unwrap_flow(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
         text = inner if isinstance(node.holder, YamlList) else braced(inner)
         patch.replace(tree.start(at), tree.end(at), text)
         return
-    head = patch.item_rows(node.holder, int(node.path[-1]))[1]
+    head = patch.rows_of(node)[1]
     behind = tree.text[tree.end(at) : tree.line_end(tree.row(tree.end(at)))].strip()
     if head != at.line - 1 or items.line != at.line or tree.row(tree.end(at)) != head:
         raise EditError("this node stands in brackets on several lines; edit it as text", node.id)
@@ -181,14 +179,11 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
     tree = patch.tree
     at = node.mapping
     inner = items.column - 1
-    if isinstance(node.holder, YamlList):
-        head = patch.item_rows(node.holder, int(node.path[-1]))[1]
-        last = patch.item_rows(node.holder, int(node.path[-1]))[2]
-        outer = node.holder.column - 1
-    else:
+    _, head, last = patch.rows_of(node)
+    outer = node.holder.column - 1
+    if not isinstance(node.holder, YamlList):
         head = at.line - 1
         outer = at.column - 1
-        last = patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2]
     dash = patch.item_rows(items, 0)[1]
     dashed = items.items[0].line - 1 == dash or isinstance(node.holder, YamlList)
     if at.line - 1 != head or dash <= head or not dashed:
@@ -225,7 +220,7 @@ def duplicate(patch: TextPatch, node: WrittenNode) -> None:
         end = tree.end(at)
         patch.replace(end, end, ", " + _renamed(tree, names, start, end))
         return
-    first, _, last = patch.item_rows(node.holder, int(node.path[-1]))
+    first, _, last = patch.rows_of(node)
     text = _renamed(tree, names, tree.starts[first], tree.line_end(last))
     patch.insert_lines(last + 1, re.split(r"\r\n|[\n\r]", text))
 
