@@ -35,6 +35,12 @@ def test_time_of_flight_errs_by_the_square_of_the_distance_whatever_the_focal_le
     assert model.deviation(Z, 900.0) == pytest.approx(1e-3 * Z**2)
 
 
+def test_what_all_pixels_have_in_common_is_the_scale_and_the_offset_over_the_depth() -> None:
+    model = DepthModel(disparity=0.08, baseline=0.05, scale_deviation=0.003, offset_deviation=0.008)
+    assert model.of_the_whole(2.0) == pytest.approx(0.005)
+    assert model.of_the_whole(0.5) == pytest.approx(np.hypot(0.003, 0.016))
+
+
 def test_the_area_of_a_pixel_grows_with_the_distance_and_so_does_the_error_of_a_width() -> None:
     """A pixel of 5.3 mm cannot give a width to 2 mm."""
     far, pixel = 4.9, 5.3e-3

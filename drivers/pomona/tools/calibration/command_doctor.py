@@ -7,9 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.files import find_cell
-from pomona.executive.language.interface import parse_settings
-from pomona.executive.values.kinds import Measure
 from pomona.executive.values.sentences import ReportLine
 from pomona.executive.values.units import LENGTH
 from pomona.tools.calibration.machine import examine_machine
@@ -35,11 +32,17 @@ def add(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--gauge",
-        type=Measure(LENGTH, "0 mm", "1 m").option,
+        type=_width,
         metavar="WIDTH",
         help="of what the pads hold now, as calipers show it: the gripper must report the same opening",
     )
     parser.set_defaults(main=main)
+
+
+def _width(text: str) -> float:
+    from pomona.executive.values.kinds import Measure  # needs a package that the doctor may miss
+
+    return Measure(LENGTH, "0 mm", "1 m").option(text)
 
 
 def main(options: argparse.Namespace) -> int:
@@ -48,9 +51,8 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0 when all is well, else 1.
     """
-    overrides = parse_settings(options.set)
     checks = []
-    for check in _examined(options, overrides):
+    for check in _examined(options):
         print(check, flush=True)  # as it comes: connecting a cell takes a while
         checks.append(check)
     bad = sum(not check.ok for check in checks)
@@ -58,11 +60,14 @@ def main(options: argparse.Namespace) -> int:
     return 1 if bad else 0
 
 
-def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterator[ReportLine]:
+def _examined(options: argparse.Namespace) -> Iterator[ReportLine]:
     yield from examine_machine(options.record)
     try:
+        from pomona.executive.files import find_cell
+        from pomona.executive.language.interface import parse_settings
         from pomona.tools.calibration.doctor import examine
     except ImportError as error:
         yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
     else:
+        overrides = parse_settings(options.set)
         yield from examine(find_cell(options.cell), overrides, options.record, options.gauge)
