@@ -215,22 +215,26 @@ class RobotServices(Services):
         poses = node.get("poses") if isinstance(node, YamlMapping) else None
         workspace = placed.values.workspace
         if words := unseen_people(placed.values):
-            remedy = "`workspace.watch`, and a camera with `fixed` or, a real one, above the arm in the file"
-            findings.note(placed.place("workspace"), "unseen", words, remedy)
+            findings.note(
+                placed.place("workspace"),
+                "unseen",
+                words,
+                "declare `workspace.watch` and a camera that does not ride on the hand",
+            )
         if workspace is None or not isinstance(poses, YamlMapping):
             return
         for name, other in itertools.combinations(workspace.poses, 2):
             q = workspace.poses[name]
-            same = name.rstrip("0123456789_") == other.rstrip("0123456789_")
             if (
-                same
+                name.rstrip("0123456789_") == other.rstrip("0123456789_")
                 and len(q) == len(workspace.poses[other])
                 and np.allclose(q, workspace.poses[other], 0.0, 1e-3)
             ):
-                words = (
-                    f"the pose '{other}' is the same as '{name}': two places, or two looks, are one"
+                findings.warning(
+                    poses.entries[other][1],
+                    "pose",
+                    f"the pose '{other}' is the same as '{name}': two places, or two looks, are one",
                 )
-                findings.warning(poses.entries[other][1], "pose", words)
         if limits is None:
             return
         for name, joints in workspace.poses.items():

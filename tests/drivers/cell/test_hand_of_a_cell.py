@@ -138,7 +138,7 @@ def test_recover_runs_on_a_cell_without_force_sensor() -> None:
 def test_the_check_names_the_gripper_of_a_cell_without_force_sensor() -> None:
     cell = find_cell("sim_plain")
     judged = judge(read_document(find_tree("pick_apple_plain")), Registry.installed(), {}, cell)
-    _note, found = judged.findings.sorted()
+    found, _note = judged.findings.sorted()
     assert (found.severity, Path(found.path).name) == ("warning", "sim_plain.yaml")
     assert "gripper:" in cell.read_text().splitlines()[found.line - 1]
     assert "no minimum grip force and no slip detection" in found.message

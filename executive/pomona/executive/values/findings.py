@@ -203,9 +203,10 @@ class Findings:
         )
 
     def sorted(self) -> list[Finding]:
-        """Errors before warnings, in reading order; without a line (a file that cannot be opened, `--set`) first."""
+        """Errors, warnings, notes; each in reading order, without a line (a file that cannot be opened, `--set`) first."""
         return sorted(
-            self._found.values(), key=lambda f: (f.path, f.severity, f.line, f.column, f.code)
+            self._found.values(),
+            key=lambda f: (f.severity == "note", f.severity, f.path, f.line, f.column, f.code),
         )
 
     @property
