@@ -28,8 +28,6 @@ logger = logging.getLogger(__name__)
 
 PATIENCE = 5.0  # seconds that the other program may take to answer
 
-TRIES = 3
-
 
 @dataclass(frozen=True, slots=True)
 class AlertRule:
@@ -49,7 +47,7 @@ class AlertRule:
 
 
 class Alerts:
-    """Counts the outcomes of runs. Sends one alert when the rate falls below."""
+    """Counts the outcomes of runs. While the rate is too low, each run's end sends an alert, until one is taken."""
 
     def __init__(self, rule: AlertRule, before: Iterable[tuple[bool, str]] = ()) -> None:
         """
@@ -59,7 +57,7 @@ class Alerts:
         """
         self._rule = rule
         self._outcomes: deque[tuple[bool, str]] = deque(before, maxlen=rule.over)
-        self._told = self._is_low()
+        self._told = False
         self._run = ""
         self._counted = False
         self._teller: threading.Thread | None = None
@@ -84,10 +82,8 @@ class Alerts:
     def count(self, good: bool, code: str, run: str) -> threading.Thread | None:
         """Count one more run; return the thread that sends an alert, if there is one to send."""
         self._outcomes.append((good, "" if good else code))
-        low = self._is_low()
-        tells = low and not self._told
-        self._told = low
-        if not tells:
+        self._told &= self._is_low()
+        if self._told or not self._is_low():
             return None
         share = self._share()
         codes = Counter(code for good, code in self._outcomes if not good)
@@ -120,24 +116,20 @@ class Alerts:
         return len(self._outcomes) == self._rule.over and self._share() < self._rule.below
 
     def _tell(self, body: bytes) -> None:
-        problem: Exception | None = None
         asked = urllib.request.Request(
             self._rule.address, body, {"content-type": "application/json"}, method="POST"
         )
-        for _ in range(TRIES):
-            try:
-                with _OPENER.open(asked, timeout=PATIENCE):  # http or https: the rule is judged
-                    return
-            except HTTPError as error:
-                error.close()  # it holds the connection
-                problem = error
-            except (
-                OSError,
-                HTTPException,
-                ValueError,
-            ) as error:  # the answer may be no HTTP at all
-                problem = error
-        logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
+        try:
+            with _OPENER.open(asked, timeout=PATIENCE):  # http or https: the rule is judged
+                self._told = self._is_low()
+                return
+        except HTTPError as error:
+            error.close()  # it holds the connection
+            problem: Exception = error
+        except (OSError, HTTPException, ValueError) as error:  # the answer may be no HTTP at all
+            problem = error
+        words = "the alert was not taken by %s: %s; the next run's end sends it again"
+        logger.warning(words, self._rule.address, problem)
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -167,8 +159,11 @@ def _unusable(address: str) -> str:
 
 
 def outcomes_in(records: Path, most: int) -> list[tuple[bool, str]]:
-    """Of the newest recorded runs that have ended, oldest first: whether each succeeded, and its code if not."""
-    ended = (run for run in RunIndex(records).read() if run.outcome is not None)
+    """Of the newest recorded runs but those in progress, oldest first: whether each succeeded, and its code if not.
+
+    A run that was killed has no end: it did not succeed.
+    """
+    ended = (run for run in RunIndex(records).read() if run.state != "running")
     return [(run.outcome == "success", run.code or "") for run in islice(ended, max(most, 0))][::-1]
 
 

@@ -22,8 +22,8 @@ from pomona.executive.recording.well_known import IMAGES
 from pomona.executive.running.events import Event, NodeChanged, Published, RunStarted
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
-from pomona.tools.dashboard.drawn_tree import drawing
 from pomona.tools.dashboard.explain import explain
+from pomona.tools.dashboard.redrawing import drawing
 
 LOOKS = 24  # the newest pictures of the run that are shown
 MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture

@@ -1,19 +1,33 @@
-"""The drawing of a run's tree as it was after a reload: the recorded file with the recorded differences."""
+"""The tree of a record, drawn as `pomona show --svg` draws it; after a reload with the recorded differences."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
+from pomona.executive.errors import PomonaError
+from pomona.executive.language.check import read_document
 from pomona.executive.language.read import read
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.plain_file import parse_object
+from pomona.executive.recording.plain_file import is_plain, parse_object
 from pomona.executive.recording.scan import scan
 from pomona.tools.dashboard.drawing import show_svg
-from pomona.tools.dashboard.drawn_tree import MOST_TREE, drawing
 
+MOST_TREE = 1_000_000  # bytes of a tree file that is drawn
 _HUNK = re.compile(r"@@ -(\d{1,9})(?:,(\d{1,9}))? \+\d+(?:,(\d{1,9}))? @@")
 _BEGINS = (b'{"event":"RunStarted"', b'{"event":"TreeChanged"')
+
+
+def drawing(folder: Path) -> str | None:
+    """Return the picture (SVG), or None for a record without a tree that can be drawn."""
+    path = folder / "tree.yaml"
+    if not is_plain(path) or path.stat().st_size > MOST_TREE:
+        return None
+    try:
+        document = read_document(path)
+    except (PomonaError, OSError):
+        return None
+    return None if document.main.main is None else show_svg(document)
 
 
 def redrawing(folder: Path, until: float) -> str | None:

@@ -147,13 +147,12 @@ def _list(options: argparse.Namespace) -> int:
         return 0
     console = wide_console()
     print_list(console, shown, len(runs), sum(run.bytes for run in runs))
-    cut = [
-        run
+    cut = sum(
+        run.state == "cut off" and _needs_repair(events_file(options.record / run.run))
         for run in shown
-        if run.state == "cut off" and _needs_repair(events_file(options.record / run.run))
-    ]
+    )
     if cut:
-        console.print(f"`pomona runs repair` completes the files of {len(cut)}", style="dim")
+        console.print(f"`pomona runs repair` completes the files of {cut}", style="dim")
     return 0
 
 
@@ -161,18 +160,7 @@ def _wanted(run: Digest, options: argparse.Namespace) -> bool:
     if options.failed and how(run) in ("success", "running"):
         return False
     settings = (f"{key}={value}" for key, value in run.settings.items())
-    text = " ".join(
-        (
-            run.run,
-            run.tree,
-            run.cell,
-            run.cell_kind,
-            how(run),
-            run.code or "",
-            *run.codes,
-            *settings,
-        )
-    )
+    text = " ".join(map(str, (how(run), *run.as_json().values(), *settings)))
     return all(word.lower() in text.lower() for word in options.words)
 
 
@@ -283,8 +271,9 @@ def _prune(options: argparse.Namespace) -> int:
     if not options.yes and not _agreed(f"remove {amount}? [y/N] "):
         console.print("nothing was removed")
         return 1
-    removed = [run for run in chosen if pruning.remove(options.record, run)]
-    console.print(f"removed {len(removed)} records, {size(sum(sizes[run] for run in removed))}")
+    for stays in filter(None, [pruning.remove(options.record / run) for run in chosen]):
+        console.print(stays, soft_wrap=True)
+    console.print(f"removed {sum(not (options.record / run).exists() for run in chosen)} records")
     return 0
 
 

@@ -1,15 +1,15 @@
-"""Records to remove, by age, number and size; never one that is being written."""
+"""Records to remove, by age, number and size; never one that is being written, and no file that no run wrote."""
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest
-from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+from pomona.executive.recording.folder import ENDING_FILE, EVENTS_FILE, is_being_written
+from pomona.executive.running.supervise import REPORT
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import Quantity
 
@@ -17,6 +17,10 @@ AGE = Measure(
     Quantity("age", {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}), low="0 d"
 )
 SIZE = Measure(Quantity("size", {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}), low="0 B")
+
+_KEPT = ".damaged", ".tail"  # by a repair
+WRITTEN = [f"{EVENTS_FILE}{kept}" for kept in ("", *_KEPT)]
+WRITTEN += [ENDING_FILE, REPORT, "summary.json", "tree.yaml", "cell.yaml", "picture.png"]
 
 
 def choose(
@@ -50,16 +54,22 @@ def choose(
     return chosen
 
 
-def remove(root: Path, run: str) -> bool:
-    """Remove one record; return False for one that is being written. Raises UsageError: it cannot be removed."""
-    folder = root / run
+def remove(folder: Path) -> str:
+    """Remove the files of one record, and its folder; return why it stays, or an empty text.
+
+    Raises UsageError: it cannot be removed.
+    """
     if is_being_written(folder / EVENTS_FILE):
-        return False
+        return f"{folder} stays: a run writes it"
     try:
         if folder.is_symlink():
             folder.unlink()
-        else:
-            shutil.rmtree(folder)
+            return ""
+        for name in WRITTEN:
+            (folder / name).unlink(missing_ok=True)
+        if any(folder.iterdir()):
+            return f"{folder} stays: it holds files that no run wrote"
+        folder.rmdir()
     except OSError as error:
         raise UsageError(f"{folder} cannot be removed: {error.strerror}") from error
-    return True
+    return ""

@@ -52,32 +52,19 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
         total: bytes of all.
     """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name, justify in (
-        ("", "left"),
-        ("run", "left"),
-        ("when", "left"),
-        ("cell", "left"),
-        ("seed", "right"),
-        ("took", "right"),
-        ("size", "right"),
-        ("settings", "left"),
-        ("why", "left"),
-    ):
-        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    room = console.width - 58 - max((len(run.run) + len(run.cell) for run in runs), default=0)
+    for name in ("", "run", "cell", "took", "why"):
+        table.add_column(name, no_wrap=True)
+    room = console.width - 21 - max((len(run.run) + len(run.cell) for run in runs), default=0)
     for run in runs:
         sign, style = MARKS.get(how(run), ("?", "red"))
+        settings = (f"{key}={value}" for key, value in run.settings.items())
         table.add_row(
             Text(sign, style),
             run.run,
-            f"{datetime.fromtimestamp(run.wall_time):%d %b %H:%M}" if run.wall_time else "–",
             run.cell or "–",
-            "–" if run.seed is None else str(run.seed),
             "–" if run.time is None else seconds(run.time),
-            size(run.bytes),
-            Text(_shortened(_settings(run), max(room // 3, 20))),
             Text(
-                _shortened(ending(run), max(room - room // 3, 20)),
+                _shortened("  ".join(filter(None, (ending(run), *settings))), max(room, 20)),
                 style if how(run) != "success" else "",
             ),
         )
@@ -90,10 +77,6 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
 
 def _shortened(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 1]}…"
-
-
-def _settings(run: Digest) -> str:
-    return "  ".join(f"{key}={value}" for key, value in run.settings.items())
 
 
 def size(value: float) -> str:

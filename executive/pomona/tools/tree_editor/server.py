@@ -88,11 +88,6 @@ class TreeEditor:
         """Serve in a thread of its own. Raises UsageError: it cannot listen there."""
         self._service.start()
 
-    @property
-    def serves(self) -> bool:
-        """Whether it was started."""
-        return self._service.server is not None
-
     def close(self) -> None:
         """End a run and stop serving."""
         self.trial.close()

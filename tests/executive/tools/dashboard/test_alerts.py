@@ -136,25 +136,23 @@ def test_no_run_waits_for_a_webhook_that_does_not_answer(
     assert hook.address not in caplog.text  # another test's alert may be given up meanwhile
 
 
-def test_a_webhook_that_does_not_answer_is_asked_again_and_then_given_up(
+def test_a_webhook_that_does_not_answer_is_asked_again_when_the_next_run_ends(
     hook: Hook, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "PATIENCE", 0.05)
-    monkeypatch.setattr(module, "TRIES", 2)
     hook.silent.set()
-    teller = Alerts(AlertRule(hook.address, below=1.0, over=1)).take(ended(False))
-    assert teller is not None
-    teller.join(LONG)
+    alerts = Alerts(AlertRule(hook.address, below=1.0, over=1))
+    assert feed(alerts, "-") == 1
     assert "the alert was not taken" in caplog.text
-    for _ in range(2):
-        assert hook.asked.acquire(timeout=LONG)
+    monkeypatch.setattr(module, "PATIENCE", LONG)
+    hook.silent.clear()
+    hook.go.set()
+    assert feed(alerts, "-+") == 1
     assert len(hook.posted) == 2
+    assert feed(alerts, "-") == 1  # it had risen again
 
 
-def test_an_alert_follows_no_redirect(
-    hook: Hook, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setattr(module, "TRIES", 1)
+def test_an_alert_follows_no_redirect(hook: Hook, caplog: pytest.LogCaptureFixture) -> None:
     hook.moved_to = hook.address.replace("/hook", "/inside")  # of the network behind the address
     assert feed(Alerts(AlertRule(hook.address, below=1.0, over=1)), "-") == 1
     assert (len(hook.posted), hook.fetched) == (1, [])
@@ -216,7 +214,7 @@ def test_a_run_that_ends_otherwise_than_it_seemed_counts_once(hook: Hook) -> Non
     )
 
 
-def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(
+def test_runs_of_other_processes_count_killed_ones_too_and_a_rate_that_is_low_already_is_told(
     tmp_path: Path, hook: Hook
 ) -> None:
     for n, good in enumerate((True, False, False)):
@@ -224,17 +222,14 @@ def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(
         folder.mkdir()
         recorder = Recorder(folder)
         recorder.on_event(started(folder.name))
-        recorder.on_event(ended(good))
+        if n < 2:
+            recorder.on_event(ended(good))
         recorder.close()
     before = outcomes_in(tmp_path, 3)
-    assert before == [(True, ""), (False, "GAVE_UP"), (False, "GAVE_UP")]
-    assert (
-        Alerts(AlertRule(hook.address, below=0.5, over=3), before).count(False, "X", "run") is None
-    )
-    assert (
-        Alerts(AlertRule(hook.address, below=0.5, over=4), before).count(False, "X", "run")
-        is not None
-    )
+    assert before == [(True, ""), (False, "GAVE_UP"), (False, "")]
+    for over, tells in ((3, True), (4, True), (5, False)):
+        teller = Alerts(AlertRule(hook.address, 0.5, over), before).count(False, "X", "run")
+        assert (teller is not None) is tells
 
 
 def test_a_run_from_the_command_line_sends_alerts_too(tmp_path: Path, hook: Hook) -> None:

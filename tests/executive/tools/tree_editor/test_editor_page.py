@@ -115,6 +115,32 @@ def test_the_palette_names_the_key_for_an_entry_that_is_in_another_one(
     expect(page.locator('#palette-list [role="option"] small').first).to_contain_text("Measure")
 
 
+PLAIN = {
+    "look": "Detect", "see": "Detect", "find": "Detect", "measure": "Refine", "wait": "wait", "wait until": "wait_until",
+    "pause": "wait", "try again": "retry", "repeat": "repeat", "loop": "repeat", "if": "if", "else": "fallback",
+    "choose": "ChooseFruit", "grab": "SlipAvoidGrasp", "grip": "SlipAvoidGrasp", "pick up": "Lift", "lift": "Lift",
+    "put down": "Release", "let go": "Release", "move": "MoveTo", "go home": "MoveTo", "ask": "ask", "stop": "fail",
+    "camera": "Detect", "squeeze": "SlipAvoidGrasp", "drop": "Release", "sleep": "wait", "sort": "ChooseFruit",
+}  # fmt: skip
+"""Plain words, and the node that each means."""
+
+
+def test_the_palette_finds_a_node_by_a_plain_word_among_the_first_three(
+    editor: TreeEditor, open_page: Open
+) -> None:
+    page = open_page(editor)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("i")
+    missed = {}
+    for word, node in PLAIN.items():
+        page.locator("#palette-search").fill(word)
+        others = page.locator("#palette-list > p b").all_inner_texts()
+        first = [*others, *page.locator('#palette-list [role="option"] b').all_inner_texts()][:4]
+        if node not in first:
+            missed[word] = first
+    assert missed == {}
+
+
 def drawn_out(page: Any, word: str, x: float, y: float) -> None:
     """Drag a word out of the palette to a place."""
     page.keyboard.press("i")

@@ -1,5 +1,5 @@
 // Processes beside the page: the editor of a tree, and the search for the change that cures a failed simulated run.
-import { $, h, seconds } from "./dom.js";
+import { $, h } from "./dom.js";
 import { link } from "./link.js";
 import { page, post, read, say } from "./page.js";
 
@@ -60,11 +60,10 @@ function cure(run, kind) {
 }
 
 // The answer of `pomona why --json`.
-function found({ original, cures, lucky, failed, untried, spent_s: spent }) {
+function found({ original, cures, lucky, sentence }) {
   if (original.repeats === false) return [h("p", { role: "status" }, "The failure does not repeat: without a change the run succeeds now.")];
-  const tried = `${cures.length + lucky.length + failed.length} changes tried in ${seconds(spent)}, ${untried} not tried`;
-  if (!cures.length && !lucky.length) return [h("p", { role: "status" }, `No single change cures it: ${tried}.`)];
+  if (!cures.length && !lucky.length) return [h("p", { role: "status" }, `In simulation, ${sentence}.`)];
   const more = (value, before, unit) => (value === null || before === null ? "–" : `${value < before ? "−" : "+"}${Math.abs(value - before).toFixed(1)} ${unit}`);
   const row = (one) => h("tr", {}, h("td", { title: one.file || null }, one.file ? one.sentence.replace(one.file, one.file.split(/[\\/]/).at(-1)) : one.sentence), h("td", { class: "number" }, `${one.successes} of ${one.seeds}`), h("td", { class: "number" }, more(one.time_s, original.time_s, "s")), h("td", { class: "number" }, more(one.force_n, original.force_n, "N")), h("td", {}, one.why));
-  return [h("table", { "aria-label": "changes that cure the run" }, h("thead", {}, h("tr", {}, ["change", "succeeds", "time", "force", "why"].map((word) => h("th", {}, word)))), h("tbody", {}, [...cures, ...lucky].map(row))), h("p", { class: "muted", role: "status" }, `In simulation; ${tried}.`)];
+  return [h("table", { "aria-label": "changes that cure the run" }, h("thead", {}, h("tr", {}, ["change", "succeeds", "time", "force", "why"].map((word) => h("th", {}, word)))), h("tbody", {}, [...cures, ...lucky].map(row))), h("p", { class: "muted", role: "status" }, `In simulation; ${sentence}.`)];
 }

@@ -229,13 +229,9 @@ def _print(console: Screen, answer: CureAnswer, case: FailedRun) -> None:
     shown = [*answer.cures(), *answer.lucky()]
     if shown:
         console.print(_table(shown, answer, case))
-    spent = (
-        f"{len(answer.tried)} changes tried in {seconds(answer.spent)}, {answer.untried} not tried"
-    )
+    spent = answer.sentence()
     if not answer.cures():
-        console.print(
-            f"no cure within the budget: {spent}; `--budget` sets a longer one", soft_wrap=True
-        )
+        console.print(spent, soft_wrap=True)
         return
     best = answer.cures()[0].candidate
     console.print(f"the cure: {best.change.sentence}", soft_wrap=True)
@@ -291,6 +287,7 @@ def as_json(record: Path, answer: CureAnswer, case: FailedRun) -> dict[str, Any]
         "lucky": [_tried_json(tried) for tried in answer.lucky()],
         "failed": [_tried_json(tried) for tried in answer.tried if not tried.trial.succeeded],
         "untried": answer.untried,
+        "sentence": answer.sentence(),
         "spent_s": round(answer.spent, 3),
     }
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from pomona.executive.execute import RunOrder
+from pomona.executive.terminal.words import seconds
 from pomona.tools.library.cures.candidates import CureCandidate
 from pomona.tools.library.cures.change import SingleChange
 from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, TrialRunner
@@ -47,6 +48,19 @@ class CureAnswer:
     untried: int = 0
     refused: int = 0
     spent: float = 0.0
+
+    def sentence(self) -> str:
+        """Return how much was tried; "no single change" is said only when nothing is left to try."""
+        tried = (
+            f"{len(self.tried)} changes tried in {seconds(self.spent)}, {self.untried} not tried"
+        )
+        if self.cures():
+            return tried
+        if self.untried:
+            return f"no cure was found: {tried}; a longer `--budget` tries more"
+        if not self.tried:
+            return "no cure was found: there is no single change to try"
+        return f"no single change of the tree or its cell cures it: {tried}"
 
     def cures(self) -> list[TriedChange]:
         """Return the changes that succeeded with every seed, the most likely and smallest first."""
@@ -101,21 +115,27 @@ class CureSearch:
 
     def run(self, trials: TrialRunner) -> CureAnswer:
         """Search until there are enough cures, no candidate is left, or the budget is used."""
-        begun = self.clock()
+        begun = end = self.clock()
+        # The budget begins when the run without a change has ended, and lets one change take twice as long.
+        granted = 10.0 * self.budget
         self.answer = CureAnswer(tuple(self.order.seed + k for k in range(1, self.seeds + 1)))
         self._urgent.append(_Task("original", self.order.seed))
         left = iter(self.candidates)
         remaining = len(self.candidates)
-        while (rest := begun + self.budget - self.clock()) > 0.0:
+        while (rest := max(end - self.clock(), granted)) > 0.0:
             while trials.free and (task := self._next(left)) is not None:
                 remaining -= task.what == "change"
                 trials.start(task, self._ordered(task), rest)
             ended = list(trials.ended())
             for task, trial in ended:
+                granted = 0.0
                 if trial.code == OVER_BUDGET:
                     remaining += task.what == "change"
-                else:
-                    self._take(task, trial)
+                    continue
+                self._take(task, trial)
+                if task.what == "original":
+                    end = self.clock() + self.budget
+                    granted = 2.0 * (self.clock() - begun)
             if not ended or self._over:
                 break
         self.answer.untried = remaining - self.answer.refused

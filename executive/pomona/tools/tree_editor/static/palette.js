@@ -5,6 +5,14 @@ import { about, page } from "./model.js";
 const ROLES = { skill: "Skills", subtree: "Subtrees of this file", composite: "Words with children", leaf: "Words without children", modifier: "Modifiers" };
 const FIRST = ["sequence", "fallback", "retry"]; // what a tree is made of most
 
+// Plain words for what a node does: they find it as its name does.
+const PLAIN = {
+  sequence: "then, and, steps, order, one after the other", fallback: "else, or, otherwise, alternative, plan b, if that fails", parallel: "both, at once, same time, together, meanwhile", if: "branch, condition, else", switch: "case, choose, select, depending on", check: "if, condition, test, compare", wait_until: "wait for, until", wait: "pause, sleep, delay, timer", set: "assign, variable, remember, store", ask: "question, operator, user, confirm, message, notify, tell", fail: "stop, abort, cancel, exit, end, error, give up", succeed: "end, done, finish, stop",
+  speed: "slow, slower, fast, faster", timeout: "deadline, time limit", approve: "confirm, allow, permission", breakpoint: "pause, stop, debug", invert: "not, unless", retry: "try again, again, attempts", repeat: "loop, again, while, forever, times", for_each: "loop, all, every, each", run_once: "once", guard: "while, watch, monitor", when: "if, only if, skip", disabled: "skip, off, comment out",
+  Detect: "look, see, find, search, locate, recognise, camera, picture, scan", DetectAll: "look, see, find all, count, scan", Refine: "measure, size, depth", RefineAll: "measure all", FeelFriction: "measure, feel, friction", SampleGrasp: "choose, candidates", ChooseFruit: "choose, select, next, sort", UpdateMap: "obstacle, map, scan", Grasp: "grab, grip, hold, close, squeeze, pick, pick up", SlipAvoidGrasp: "grab, grip, hold, close, squeeze, pick, pick up", Lift: "pick up, pick, raise", Release: "put down, set down, let go, drop, place, put, open", OpenFingers: "open", Approach: "reach, touch, move closer", Pivot: "turn, rotate",
+  MoveTo: "move, go, go home, home, drive, travel", Follow: "move, drive", Plan: "path, route, avoid", Retreat: "back off, go back, back, undo", KeepTally: "count, log, note, save", WaitSignal: "wait, input, button, plc", SetSignal: "output, lamp, plc", Handshake: "plc, machine",
+};
+
 const FAR = 6; // px that an entry is drawn before it is carried
 
 const KEY = { skill: "i", subtree: "i", leaf: "i", composite: "w", modifier: "m" }; // that takes an entry of another role
@@ -33,28 +41,30 @@ function textOf({ name, summary, inputs = [], outputs = [], failures = [], field
 }
 
 function rank({ entry, text }, asked) {
-  const name = entry.name.toLowerCase();
+  const name = entry.name.toLowerCase().replaceAll("_", " "), plain = (PLAIN[entry.name] ?? "").split(", ");
   if (!asked) return FIRST.includes(entry.name) ? 0 : 1;
-  if (name === asked) return 0;
-  if (name.startsWith(asked)) return 1;
+  if (name === asked || plain.includes(asked)) return name === asked ? 0 : 0.5;
+  if (name.startsWith(asked) || plain.some((words) => words.startsWith(asked))) return 1;
   if (name.includes(asked)) return 2;
   const all = (where) => asked.split(/\s+/).every((word) => where.includes(word));
   return all(`${name} ${entry.summary}`.toLowerCase()) ? 3 : all(text) ? 4 : 9;
 }
 
 function find() {
-  const asked = search.value.trim().toLowerCase(), found = entries.map((one) => ({ ...one, rank: rank(one, asked) })).filter((one) => one.rank < 9);
+  const asked = search.value.trim().toLowerCase().replaceAll("_", " "), found = entries.map((one) => ({ ...one, rank: rank(one, asked) })).filter((one) => one.rank < 9);
   shown = found.filter(({ entry }) => order.includes(entry.role));
   shown.sort((a, b) => (asked ? a.rank - b.rank : 0) || order.indexOf(a.entry.role) - order.indexOf(b.entry.role) || a.rank - b.rank || a.entry.name.localeCompare(b.entry.name));
-  chosen = 0;
   let group = "";
+  chosen = 0;
+  const others = asked ? found.filter((one) => !shown.includes(one) && one.rank <= (shown[0]?.rank ?? 9)).slice(0, 3) : [];
   list.replaceChildren(...shown.flatMap(({ entry }, i) => {
     const heading = !asked && entry.role !== group ? h("div", { class: "group-name", role: "presentation" }, ROLES[group = entry.role]) : null;
     const option = h("div", { role: "option", id: `option-${i}`, "aria-selected": "false", onclick: () => end(entry.name), onpointerdown: ({ button, clientX: x, clientY: y }) => { pressed = button === 0 && take ? { name: entry.name, x, y } : null; }, onpointermove: () => mark(i, false) },
       h("span", { "aria-hidden": "true" }, entry.symbol), h("b", {}, entry.name), h("small", {}, entry.summary));
     return heading ? [heading, option] : [option];
-  }), ...(shown.length ? [] : [h("p", { class: "muted" }, "Nothing here has all of these words.",
-    found.slice(0, 3).map(({ entry: { name, role } }) => h("span", {}, " ", h("b", {}, name), " is among the others: Esc, then ", h("kbd", {}, KEY[role]), " at a node.")))]));
+  }));
+  if (others.length || !shown.length) list.prepend(h("p", { class: "muted" }, shown.length ? "" : "Nothing here has all of these words.",
+    others.map(({ entry: { name, role } }) => h("span", {}, " ", h("b", {}, name), " is among the others: Esc, then ", h("kbd", {}, KEY[role]), " at a node."))));
   mark(0);
 }
 
@@ -87,8 +97,7 @@ search.addEventListener("keydown", (event) => {
 dialog.addEventListener("close", () => end(null));
 list.addEventListener("pointermove", (event) => {
   if (!pressed || Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) < FAR) return;
-  const { name } = pressed;
-  pressed = null;
+  const { name } = pressed; pressed = null;
   end(null);
   take(name, event);
 });

@@ -243,6 +243,39 @@ def test_no_candidate_is_tried_after_the_budget() -> None:
     assert answer.untried >= 35
 
 
+def test_the_run_without_a_change_takes_nothing_of_the_budget_and_one_change_is_tried() -> None:
+    times = iter([0.0, 0.0, 50.0, 50.0, *(float(t) for t in range(50, 100))])
+    limits: list[float] = []
+
+    class Alone(Scripted):
+        @property
+        def free(self) -> bool:
+            return not self.waiting
+
+        def start(self, key: Any, order: RunOrder, limit: float) -> None:
+            limits.append(limit)
+            super().start(key, order, limit)
+
+    order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
+    change = SingleChange("parameter", "n", "t.yaml", 4, "0", "1", 1.0, {"n": "1"})
+    every = [CureCandidate(change, 1.0, ""), CureCandidate(change, 0.5, "")]
+    answer = CureSearch(
+        order, every, lambda _order: True, 2, 1, 1e-3, clock=lambda: next(times)
+    ).run(Alone(lambda n, seed: False))
+    assert limits == [0.01, 100.0]  # the run took 50 s: its first change may take twice as long
+    assert (len(answer.tried), answer.untried) == (1, 1)
+    assert answer.sentence().startswith("no cure was found: 1 changes tried in ")
+
+
+def test_no_change_cures_it_is_said_only_after_all_were_tried() -> None:
+    complete, _ = search(lambda n, seed: False)
+    assert complete.sentence().startswith("no single change of the tree or its cell cures it: 4 ")
+    none, _ = search(lambda n, seed: False, count=0)
+    assert none.sentence() == "no cure was found: there is no single change to try"
+    cured, _ = search(lambda n, seed: n == "2")
+    assert cured.sentence().startswith("3 changes tried")
+
+
 def test_a_repetition_that_the_budget_cuts_off_is_no_result() -> None:
     class Cut(Scripted):
         def ended(self) -> Iterator[tuple[Any, Trial]]:
