@@ -100,7 +100,7 @@ class ControlLock:
     silent = 0.0
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """See `RunControl`."""
+        """See `RunControl`. Raises RefusedError: the page has no such call."""
         if name not in CALLS:
             raise RefusedError(f"'{name}' is no call of the page")
         return getattr(self, name)(*arguments)
