@@ -8,8 +8,14 @@ from pomona.drivers.interfaces import Box
 from pomona.executive.values.rotations import is_rigid
 from pomona.skills.geometry import rot_y, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, fruit_points
+from pomona.skills.motion.grasps.follow_through import LINE_BLOCKED, LINE_BROKEN, START_BLOCKED
 from pomona.skills.motion.grasps.gripper_shape import fruit_section, gripper_shape
-from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below
+from pomona.skills.motion.grasps.sample import (
+    GraspRules,
+    _why_not,
+    sample_pre_grasps,
+    support_below,
+)
 from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
 from pomona.skills.motion.robot import RobotModel
@@ -285,3 +291,21 @@ def test_the_sphere_is_a_choice():
         assert np.linalg.norm(
             grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]
         ) == pytest.approx(0.08)
+
+
+class Told:
+    """A space that tells which posture it was asked for."""
+
+    def explain(self, q):
+        return f"posture {q[0]:g} is blocked", {}
+
+
+@pytest.mark.parametrize(("verdicts", "code", "words"), [
+    ([START_BLOCKED, LINE_BROKEN], "UNREACHABLE", "cannot go straight from the pre-grasp to the grasp"),
+    ([START_BLOCKED, START_BLOCKED], "IN_COLLISION", "at the pre-grasp posture 0 is blocked"),
+    ([START_BLOCKED, LINE_BLOCKED, LINE_BROKEN], "IN_COLLISION", "on the approach posture 1 is blocked"),
+])  # fmt: skip
+def test_the_reason_is_that_of_the_solution_that_came_furthest(verdicts, code, words) -> None:
+    rejected = _why_not(Told(), np.array(verdicts), np.arange(3.0)[:, None])
+    assert rejected.code == code
+    assert words in str(rejected)

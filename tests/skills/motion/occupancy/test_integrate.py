@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.drivers.interfaces import Box, Frame, Intrinsics, Workspace
+from pomona.drivers.interfaces import ArmState, Box, Frame, Intrinsics, Workspace
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.collision.cover import fibonacci_sphere
@@ -23,7 +23,7 @@ from pomona.skills.motion.occupancy import (
     Sensing,
     integrate,
 )
-from pomona.skills.motion.occupancy.integrate import mark_spheres
+from pomona.skills.motion.occupancy.integrate import check_camera_pose, mark_spheres
 
 TABLE_Z, RADIUS = -0.12, 0.04
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
@@ -394,3 +394,60 @@ def test_cells_and_pixels_are_read_as_the_text_says(seed: int) -> None:
     np.testing.assert_array_equal(fused.states, states)
     np.testing.assert_array_equal(fused.last_look, last)
     assert fused.stamps == (1.0, 3.0)
+
+
+class Slide:
+    """A robot that carries the camera along x: one joint, in metres."""
+
+    def fk(self, q: np.ndarray) -> np.ndarray:
+        return transform(None, [float(q[0]), 0.0, 0.0])
+
+    def checked(self, q: np.ndarray) -> np.ndarray:
+        return np.asarray(q, dtype=float)
+
+
+def resting(q: float, stamp: float = 0.0, moving: bool = False) -> ArmState:
+    return ArmState(stamp, np.array([q]), np.zeros(1), moving)
+
+
+def check_slide(arm: ArmState, T_base_camera: np.ndarray, q: float | None = 0.1) -> None:
+    """The camera looks from the height of 0.5 m on a slide."""
+    frame = replace(
+        look(FROM_ABOVE), q=None if q is None else np.array([q]), T_mount_camera=transform(None, [0.0, 0.0, 0.5])
+    )  # fmt: skip
+    check_camera_pose(frame, T_base_camera, Slide(), arm)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("off", "turned", "good"), [
+    (1.9e-3, 0.0, True), (2.1e-3, 0.0, False), (-2.1e-3, 0.0, False), (np.nan, 0.0, False),
+    (0.0, 4.9e-3, True), (0.0, 5.1e-3, False), (1.9e-3, 4.9e-3, True),
+])  # fmt: skip
+@pytest.mark.parametrize("q", [0.1, None])
+def test_a_camera_pose_is_that_of_the_frames_joints(
+    q: float | None, off: float, turned: float, good: bool
+) -> None:
+    T = transform(rot_x(turned), [(q or 0.0) + off, 0.0, 0.5])
+    if good:
+        check_slide(resting(0.1), T, q)
+        return
+    with pytest.raises(CameraPoseMismatch) as error:
+        check_slide(resting(0.1), T, q)
+    if np.isfinite(off):
+        assert error.value.distance == pytest.approx(abs(off), abs=1e-9)
+        assert error.value.angle == pytest.approx(turned, abs=1e-6)
+        words = f"it is {1e3 * abs(off):.1f} mm and {np.degrees(turned):.2f}° from the pose"
+        assert words in str(error.value)
+
+
+def test_joints_of_a_frame_are_those_of_a_resting_arm() -> None:
+    T = transform(None, [0.1, 0.0, 0.5])
+    for there in (0.081, 0.119):
+        check_slide(resting(there), T)
+    for there in (0.079, 0.121, np.nan):
+        with pytest.raises(CameraPoseMismatch, match="rad from those of the resting arm"):
+            check_slide(resting(there), T)
+    check_slide(resting(0.2, moving=True), T)  # it moves: its joints are of another moment
+    check_slide(resting(0.2, stamp=0.051), T)
+    check_slide(resting(0.2, stamp=-0.051), T)
+    with pytest.raises(CameraPoseMismatch):
+        check_slide(resting(0.2, stamp=0.049), T)
