@@ -364,7 +364,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def compute(
         self, function: Callable[..., T], *arguments: Any, isolated: bool = False
-    ) -> Generator[str | None, None, T]:
+    ) -> Work[T]:
         """Run a function beside the tick: in a thread, or `isolated` in a process that can be killed at once.
 
         An isolated function and its arguments must be picklable. Use it for work that holds the interpreter's lock.
@@ -381,7 +381,7 @@ class Skill(py_trees.behaviour.Behaviour):
         result: T = computation.result()
         return result
 
-    def wait(self, duration: float) -> Generator[str | None, None, None]:
+    def wait(self, duration: float) -> Work[None]:
         """Let `duration` seconds of the run pass."""
         end = self.context.elapsed() + duration
         while self.context.elapsed() < end - 1e-9:

@@ -31,12 +31,11 @@ from pomona.skills.geometry import angle_between
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.live_watch import KnownAround
-from pomona.skills.shared.planning import Clearance, OtherObstacles, ToolAcceleration, usable_field
+from pomona.skills.shared.planning import Clearance, OtherObstacles, ToolAcceleration, space_around
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import SINKS, Touch, felt, hand_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
@@ -94,19 +93,16 @@ class Approach(MovingSkill):
         arm = self.device(Arm)
         gripper = self.device(Gripper)
         robot = RobotModel.load(arm.description)
-        self._require_pre_grasp(robot.tcp(arm.state().q), grasp)
+        self._require_pre_grasp(tool_pose(self), grasp)
         width = min(grasp.width, gripper.limits.width_max)
-        space = arm_space(
-            arm,
-            self.device(Workspace),
-            usable_field(self, map),
-            width,
-            clearance,
-            target=grasp.fruit,
-        )
-        codes = ("NO_STRAIGHT_LINE", "IN_COLLISION")
+        space = space_around(self, map, clearance, width, grasp.fruit)
         line = free_line(
-            self, grasp.T_base_grasp, space, codes, "on the approach", candidate=grasp.index
+            self,
+            grasp.T_base_grasp,
+            space,
+            ("NO_STRAIGHT_LINE", "IN_COLLISION"),
+            "on the approach",
+            candidate=grasp.index,
         )
         tcp_line = np.array([robot.tcp(state)[:3, 3] for state in line.q])
         self.publish("approach", SceneView(lines=(Line3(tcp_line, "approach", "approach"),)))
@@ -133,7 +129,6 @@ class Approach(MovingSkill):
 
             known = KnownAround(map, (grasp.fruit,))
             yield from self.travel(trajectory, feel, known, None, stop_at_touch, fingers.rest)
-        return None
 
     def _open(self, width: float, grasp: Grasp) -> Watching:
         try:

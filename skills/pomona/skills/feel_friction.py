@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import replace
 from typing import Annotated
 
@@ -16,11 +15,11 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.slide import NoSlideError, Slide, friction_of_slides, moves_with_pads
 from pomona.skills.motion.lines import straight_line
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import show_grip, watch_grip
+from pomona.skills.shared.planning import space_around
 
 # of the slides [m/s²], and time to reach it [s]
 ACCELERATION = 0.4
@@ -94,9 +93,7 @@ class FeelFriction(MovingSkill):
         yield feedback
         return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
 
-    def _measure(
-        self, hold: Hold, force: float, force_after: float
-    ) -> Generator[str | None, None, Slide]:
+    def _measure(self, hold: Hold, force: float, force_after: float) -> Work[Slide]:
         """Slide down, and up with the force rising at the end; NoSlideError: blocked, or the pads did not slide."""
         settings = hold.settings
         down = self._line("down", -DISTANCE)
@@ -127,9 +124,7 @@ class FeelFriction(MovingSkill):
         T_base_goal = robot.tcp(q)
         T_base_goal[2, 3] += rise
         line = straight_line(robot, q, T_base_goal, step=0.25 * abs(rise))
-        space = arm_space(
-            arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0
-        )
+        space = space_around(self, None, 0.0)
         blocked = space.first_blocked(line.q)
         if not line.complete or blocked is not None:
             reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
@@ -147,7 +142,7 @@ class FeelFriction(MovingSkill):
 
     def _slide(
         self, hold: Hold, line: Float64, way: float, then: float | None = None
-    ) -> Generator[str | None, None, Float64]:
+    ) -> Work[Float64]:
         """Follow a line of length `way` [m]; return the wrenches of the slide, bias removed, shape (n, 2, 6).
 
         Beyond `DISTANCE` the grip force is `then` [N]. DeviceFault: the arm reports an arrival without a motion.

@@ -55,4 +55,3 @@ class Follow(MovingSkill):
         yield from self.travel(
             path, around=KnownAround(map, () if grasp is None else (grasp.fruit,))
         )
-        return None

@@ -19,7 +19,6 @@ from pomona.executive.ports import (
 )
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import Hold
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import (
     BACK,
@@ -46,7 +45,7 @@ from pomona.skills.shared.planning import (
     HeldGrasp,
     Obstacles,
     ToolAcceleration,
-    usable_field,
+    space_around,
 )
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import weighing
@@ -119,11 +118,7 @@ class Lift(MovingSkill):
         T_base_start = tool_pose(self)
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height
-        width = self.device(Gripper).state().width
-        field = usable_field(self, map)
-        space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(
-            arm.state().q
-        )
+        space = space_around(self, map, clearance, held=grasp).leaving(arm.state().q)
         jerk = acceleration / JERK_TIME
         braking = deceleration or acceleration
         active = None if hold is None or hold.ended else hold
@@ -194,7 +189,6 @@ class Lift(MovingSkill):
         if hold is not None:
             show_grip(self, hold, everything=True)
         note_held(self, hold, None if grasp is None else grasp.fruit)
-        return None
 
     def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:
         """Wait until the force has fallen to the requirement of the load, and the fruit does not slide any more."""

@@ -57,4 +57,3 @@ class MoveTo(PoseSkill):
             speed,
             upright,
         )
-        return None

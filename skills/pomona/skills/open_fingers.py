@@ -9,9 +9,8 @@ from pomona.executive.ports import LENGTH, Port
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.planning import Clearance, OtherObstacles, usable_field
+from pomona.skills.shared.planning import Clearance, OtherObstacles, space_around
 
 
 class OpenFingers(MovingSkill):
@@ -37,15 +36,11 @@ class OpenFingers(MovingSkill):
         if (
             abs(gripper.state().width - width) <= 1e-3
         ):  # an opening that differs by less is the one asked for [m]
-            return None
-        field = usable_field(self, map)
-        space = arm_space(
-            self.device(Arm), self.device(Workspace), field, width, clearance, target=grasp.fruit
-        )
+            return
+        space = space_around(self, map, clearance, width, grasp.fruit)
         blocked = space.first_blocked(path.q)
         if blocked is not None:
             yield f"not on the way: with open fingers {space.explain(path.q[blocked + 1])[0]}"
-            return None
+            return
         take_over(gripper)
         yield from self.move_fingers(width, gripper.limits.speed_max)
-        return None

@@ -13,7 +13,6 @@ from pomona.executive.skill import Skill, SkillFailure, Work
 from pomona.executive.views import Line3, Points3, SceneView
 from pomona.skills.motion.grasp import Grasp, GraspCandidates
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.plan import PLANNERS, BudgetUse, PlanRequest, PlanResult
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.grasp_view import grasp_picture
@@ -22,7 +21,7 @@ from pomona.skills.shared.planning import (
     Spacing,
     patience,
     planned,
-    usable_field,
+    space_around,
 )
 from pomona.skills.shared.warm_motion import prepare_planning
 
@@ -78,10 +77,8 @@ class Plan(Skill):
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         goals = [(grasp, q) for grasp in to.grasps for q in grasp.q_pre_grasp]
-        field = usable_field(self, map)
         target = to.grasps[0].fruit if to.grasps else None
-        width = self.device(Gripper).state().width
-        space = arm_space(arm, self.device(Workspace), field, width, clearance, target=target)
+        space = space_around(self, map, clearance, target=target)
         request = PlanRequest(
             space=space,
             q_start=arm.state().q,

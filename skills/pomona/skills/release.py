@@ -28,13 +28,13 @@ from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import Margins
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
+from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, note_press
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
-from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, Tilt, usable_field
+from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, Tilt, space_around
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
@@ -159,7 +159,7 @@ class Release(PoseSkill):
             )
         gripper = self.device(Gripper)
         before = tool_pose(self)[2, 3]
-        space = self._space(map, clearance)
+        space = space_around(self, map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
         met = None if grasp is None else self._met(way, grasp, map, clearance)
@@ -194,7 +194,6 @@ class Release(PoseSkill):
             self.account(PUT_AWAY, f"{by}; the fingers are open, {opened:.0f} mm")
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
         yield from follow_way(self, way_up, RISING)
-        return None
 
     def _not_held(self) -> Exception:
         """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
@@ -246,7 +245,7 @@ class Release(PoseSkill):
         self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float
     ) -> int | None:
         """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
-        space = self._space(map, clearance, held)
+        space = space_around(self, map, clearance, held=held)
         world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
         met = np.flatnonzero(~world.free(way, space.width))
         return int(met[0]) if len(met) else None
@@ -278,14 +277,5 @@ class Release(PoseSkill):
             min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max)
             for part in (1, 2, 4)
         ]
-        space = self._space(map, clearance)
+        space = space_around(self, map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
-
-    def _space(
-        self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None
-    ) -> ArmSpace:
-        field = usable_field(self, map)
-        width = self.device(Gripper).state().width
-        return arm_space(
-            self.device(Arm), self.device(Workspace), field, width, clearance, held=held
-        )

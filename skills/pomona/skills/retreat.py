@@ -16,12 +16,12 @@ from pomona.skills.geometry import angle_between, inverse
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.lines import StraightLine
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
 from pomona.skills.shared.live_watch import KnownAround
+from pomona.skills.shared.planning import space_around
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import felt, load
 from pomona.skills.shared.yielding import YieldingFingers
@@ -68,13 +68,13 @@ class Retreat(MovingSkill):
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
     ) -> Work[None]:
         if grasp is None:
-            return None
+            return
         arm = self.device(Arm)
         gripper = self.device(Gripper)
         place, height = where(tool_pose(self), grasp)
         held = is_held(self) or is_between(self)
         if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
-            return None
+            return
         if held and height > SUPPORTED:
             yield from self._lower(height)
         open_to = min(max(grasp.width, gripper.state().width), gripper.limits.width_max)
@@ -91,7 +91,6 @@ class Retreat(MovingSkill):
                 each_tick=YieldingFingers(gripper).rest,
                 wary=True,
             )
-        return None
 
     def _open(self, width: float, held: bool) -> Watching:
         """Open the fingers; empty ones may be blocked from outside: the way back frees them."""
@@ -123,12 +122,12 @@ class Retreat(MovingSkill):
 
     def _line(self, T_base_goal: Float64) -> StraightLine:
         """Return the straight line to a pose of the tool; fails with RETREAT_BLOCKED, and then nothing has moved."""
-        width = self.device(Gripper).state().width
-        space = arm_space(
-            self.device(Arm), self.device(Workspace), None, width, 0.0
-        ).leaving_table()
         return free_line(
-            self, T_base_goal, space, ("RETREAT_BLOCKED", "RETREAT_BLOCKED"), "on the way back"
+            self,
+            T_base_goal,
+            space_around(self, None, 0.0).leaving_table(),
+            ("RETREAT_BLOCKED", "RETREAT_BLOCKED"),
+            "on the way back",
         )
 
 

@@ -15,11 +15,10 @@ from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut, Tried, direction
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grasp_view import fruit_mesh, summary
-from pomona.skills.shared.planning import OtherObstacles, Spacing, usable_field
+from pomona.skills.shared.planning import OtherObstacles, Spacing, space_around
 
 FINER = 2  # how often the sphere is sampled at half the spacing when nothing is left to try
 
@@ -85,8 +84,7 @@ class SampleGrasp(Skill):
         if tried is not None:
             self._tried.add(tried)
         robot = RobotModel.load(arm.description)
-        field = usable_field(self, map)
-        space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
+        space = space_around(self, map, clearance, robot.width_max, around)
         sphere = Sphere(radius, (0.0, theta_max), tilts=thetas, turns=alphas)
         rules = GraspRules(side=(air, GraspRules().side[1]), sigmas=sigmas, check=check)
         support = support_below(workspace, around.T_base_fruit[:3, 3])

@@ -97,26 +97,22 @@ class UrEmulator(EmulatedArm):
 
     known_faults = (
         *EmulatedArm.known_faults,
-        *(
-            "protective",
-            "e_stop",
-            "safeguard",
-            "reduced",
-            "freedrive",
-            "slider",
-            "paused",
-            "no_script",
-            "replaced",
-        ),
-        *(
-            "killed",
-            "silent",
-            "slow",
-            "other_model",
-            "old",
-            "local",
-            "owned",
-        ),
+        "protective",
+        "e_stop",
+        "safeguard",
+        "reduced",
+        "freedrive",
+        "slider",
+        "paused",
+        "no_script",
+        "replaced",
+        "killed",
+        "silent",
+        "slow",
+        "other_model",
+        "old",
+        "local",
+        "owned",
     )
 
     def __init__(self, joints: Joints, velocity: Float64, model: str = "UR5") -> None:

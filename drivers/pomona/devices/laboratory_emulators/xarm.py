@@ -64,19 +64,19 @@ class XArmEmulator(EmulatedArm):
 
     known_faults = (
         *EmulatedArm.known_faults,
-        *(
-            "collision",
-            "e_stop",
-            "motor",
-            "stopped",
-            "paused",
-            "replaced",
-            "moved",
-            "killed",
-            "silent",
-            "no_report",
-        ),
-        *("other_model", "old", "by_hand"),
+        "collision",
+        "e_stop",
+        "motor",
+        "stopped",
+        "paused",
+        "replaced",
+        "moved",
+        "killed",
+        "silent",
+        "no_report",
+        "other_model",
+        "old",
+        "by_hand",
     )
 
     def __init__(self, joints: Joints, velocity: Float64, kind: int = 6) -> None:

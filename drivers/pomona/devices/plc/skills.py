@@ -208,7 +208,6 @@ class SetSignal(SignalSkill):
             return SignalLook(signal, f"accepted as {value:g}", taken.value, is_accepted)
 
         yield from self.until(look, within, "SIGNAL_NOT_TAKEN")
-        return None
 
 
 class Handshake(SignalSkill):
@@ -258,7 +257,6 @@ class Handshake(SignalSkill):
             with contextlib.suppress(MotionRefused):
                 self.device(Signals).write(request, False)
         yield from self._edge("released", {request: False, **both}, released_within)
-        return None
 
     def _edge(self, edge: str, wanted: Mapping[str, bool], within: float) -> Work[SignalLook]:
         """Wait until signals have values; a failure names the edge and the first signal that has another one."""

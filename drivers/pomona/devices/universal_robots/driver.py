@@ -44,8 +44,18 @@ TAKEN, ENDED, ECHO = (f"output_int_register_{i}" for i in (24, 25, 26))
 """Of the script: its newest knot; why it has ended (1: commanded, 2: no knot in time); the newest beat."""
 PLAYED = "output_double_register_24"  # time of the motion at which the script is [s]
 OUTPUTS = (
-    *("actual_q", "actual_qd", "robot_mode", "safety_mode", "runtime_state", "robot_status_bits"),
-    *("target_speed_fraction", "speed_scaling", TAKEN, ENDED, ECHO, PLAYED),
+    "actual_q",
+    "actual_qd",
+    "robot_mode",
+    "safety_mode",
+    "runtime_state",
+    "robot_status_bits",
+    "target_speed_fraction",
+    "speed_scaling",
+    TAKEN,
+    ENDED,
+    ECHO,
+    PLAYED,
 )
 INPUTS = (
     *(f"input_int_register_{i}" for i in (24, 25, 26)),

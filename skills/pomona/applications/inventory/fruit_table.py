@@ -59,7 +59,10 @@ def row_of(fruit: FruitInFrame, doubt: str) -> Row:
 LENGTHS = ("width", "height", "depth", "x", "y", "z")
 MEASURES = (
     *(f"{name}{part}_mm" for name in LENGTHS for part in ("", "_90")),
-    *("mass_g", "mass_90_g", "agreeing", "method"),
+    "mass_g",
+    "mass_90_g",
+    "agreeing",
+    "method",
 )
 
 

@@ -135,7 +135,7 @@ def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -
 
 def _require_fruit(skill: MovingSkill) -> None:
     if not is_pressed(skill):
-        raise skill.failure("LOST", f"{LOST}: it presses on neither finger") from None
+        raise skill.failure("LOST", f"{LOST}: it presses on neither finger")
 
 
 def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
-from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure
+from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure, Work
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.installation import entry_points, install_extra, reinstall
 from pomona.executive.values.sections import Problem
@@ -238,9 +238,7 @@ class LookingSkill(Skill):
         T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
         return T_base_camera
 
-    def find(
-        self, frame: Frame, model: FruitModel, options: Search
-    ) -> Generator[str | None, None, list[Instance]]:
+    def find(self, frame: Frame, model: FruitModel, options: Search) -> Work[list[Instance]]:
         """Find every fruit of a frame beside the tick; fails with NO_FRAME or NO_WEIGHTS if these are unusable."""
         try:
             return (yield from self.compute(find_in_frame, frame, model, options))

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.drivers.interfaces import Arm, Trajectory, Workspace
 from pomona.drivers.path_motion import stretched
 from pomona.executive.skill import CellFacts
 from pomona.executive.values.arrays import Float64
@@ -17,13 +17,13 @@ from pomona.executive.values.sections import Problem
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import ArmSpace, UprightSpace, arm_space
+from pomona.skills.motion.planning.arm_space import ArmSpace, UprightSpace
 from pomona.skills.motion.planning.plan import PlanRequest
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.live_watch import KnownAround, prepare_watch
-from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
+from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, space_around
 from pomona.skills.shared.warm_motion import prepare_planning
 
 CARRIED_ACCELERATION = 2.0
@@ -101,9 +101,7 @@ def move_to_pose(
     # an arm this near to the pose in every joint is there [rad]
     if np.abs(q_goal - q).max() < 1e-3:
         return
-    field = usable_field(skill, map)
-    width = skill.device(Gripper).state().width
-    space = arm_space(arm, workspace, field, width, clearance, held=carrying)
+    space = space_around(skill, map, clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
     keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)

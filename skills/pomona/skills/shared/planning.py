@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import Annotated
 
 import numpy as np
 
+from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import Acceleration, Angle, Length, Port
-from pomona.executive.skill import Skill
+from pomona.executive.skill import Skill, Work
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.occupancy_map import OccupancyError
+from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
 from pomona.skills.motion.planning.space import PlanningFailed
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 PLANNING_FAILURES = (
     "START_IN_COLLISION",
@@ -48,7 +50,7 @@ COLD_START = 5.0  # seconds that a process which has never planned may need on t
 SIMULATED_PATIENCE = 60.0
 
 
-def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, PlanResult]:
+def planned(skill: Skill, request: PlanRequest) -> Work[PlanResult]:
     """Plan beside the tick; `skill` must declare `PLANNING_FAILURES`.
 
     On a real clock planning is given up, and its process killed, when the budget and a cold start are over.
@@ -82,6 +84,29 @@ def patience(skill: Skill, budget: float) -> float:
 
 
 MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
+
+
+def space_around(
+    skill: Skill,
+    map: OccupancyMap | None,
+    clearance: float,
+    width: float = 0.0,
+    target: MeasuredFruit | None = None,
+    held: Grasp | None = None,
+) -> ArmSpace:
+    """Return the obstacles of a skill's arm as in `arm_space`, with the fingers as they are, or open by a width [m].
+
+    `skill` must declare MAP_STALE where a map is wired: see `usable_field`.
+    """
+    return arm_space(
+        skill.device(Arm),
+        skill.device(Workspace),
+        usable_field(skill, map),
+        width or skill.device(Gripper).state().width,
+        clearance,
+        target,
+        held,
+    )
 
 
 def usable_field(skill: Skill, map: OccupancyMap | None) -> DistanceField | None:
