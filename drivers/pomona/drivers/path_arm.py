@@ -395,12 +395,18 @@ class StreamingArm(PathArm, Generic[S, P]):
         """Open a session with the right arm, and make it ready; it stands still. Raises DeviceError: in words."""
         session = self._new_session()
         try:
-            self._make_ready(session)
+            self._stand_ready(session)
         except (OSError, DeviceError) as error:
             session.close()
             raise _lost(self.name, error) from error
         self._session = session
         self._problem = None
+
+    def _stand_ready(self, session: S) -> None:
+        """Make it ready; from before that on it must stay where it is."""
+        if self._state is not None:
+            self._supervisor.look_at_rest(self._state.q)
+        self._make_ready(session)
 
     def _new_session(self) -> S:
         links: list[Link] = []
@@ -447,7 +453,7 @@ class StreamingArm(PathArm, Generic[S, P]):
             self._supervisor.forget()
             self._doubted = False
             self._unlock(session)
-            self._make_ready(session)
+            self._stand_ready(session)
         except DeviceFault as error:
             self._blame(error)
         finally:

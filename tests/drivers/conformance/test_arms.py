@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 from pomona.devices.emulators import motoman
@@ -23,6 +24,20 @@ def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 test_claims = arm_claims(**BENCHES)
+
+
+@pytest.mark.parametrize("name", ["motoman", "universal_robots", "xarm"])
+def test_an_arm_that_moves_while_it_is_made_ready_is_noticed(name: str) -> None:
+    bench = BENCHES[name]()
+    bench.begin()
+    bench.harm("frozen", 0.5)
+    bench.heal()
+    bench.serve(1.0)
+    assert bench.problem()
+    bench.device.acknowledge()
+    bench.body.pushed = 0.02 * np.eye(len(bench.way))[1]
+    bench.serve(1.0, lambda: "without a command" in bench.problem())
+    assert "joint 2 moves without a command" in bench.problem()
 
 
 @pytest.mark.parametrize("emulator", [motoman, universal_robots, xarm])
