@@ -240,6 +240,7 @@ class Skill(py_trees.behaviour.Behaviour):
         """Inputs that were changed while the tree runs; they apply from the next start on."""
         self.slowed_by: list[Callable[[], float]] = []
         """Shares of the speed that the tree gives it, as they are now."""
+        self.pace = 1.0
         self._work: Work[Any] | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
@@ -253,8 +254,9 @@ class Skill(py_trees.behaviour.Behaviour):
         return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
 
     def speed(self, allowed: float) -> float:
-        """Return the share of the speed at which it moves its devices, where the operator allows a share."""
-        return 1.0 if self.own_speed else allowed * math.prod(share() for share in self.slowed_by)
+        """Return the share of the speed at which it moves its devices from now on, where the operator allows a share."""
+        self.pace = 1.0 if self.own_speed else allowed * math.prod(s() for s in self.slowed_by)
+        return self.pace
 
     # ------------------------------------------------------------------------------------- for subclasses
 

@@ -24,6 +24,7 @@ from pomona.skills.shared.carrying import (
     BACK,
     JERK_TIME,
     LEAST,
+    NEAR,
     RESTING,
     GripOverloaded,
     Hanging,
@@ -149,7 +150,7 @@ class Lift(MovingSkill):
             if overload is not None:
                 overload.require_bearable()
             if hanging is not None:
-                gone = hanging.look()
+                gone = hanging.look(self.pace if risen() < NEAR else 1.0)
             if hangs and scale is not None and scale.present < scale.limit(LEAST, 0.0):
                 gone = gone or f"no weight hangs on the hand: {scale.present:.2f} N"
             if gone := gone or lost():

@@ -22,13 +22,13 @@ from pomona.skills.shared.carrying import (
 from tests.skills.picking_scene import OBSERVE, PickingScene
 
 
-def watch(loads: list[float], period: float = 0.02) -> tuple[Hanging, list[str]]:
+def watch(loads: list[float], period: float = 0.02, pace: float = 1.0) -> tuple[Hanging, list[str]]:
     """Look once a tick at a hold that bears these loads [N]."""
     hold: Any = SimpleNamespace(problem=None, reading=SimpleNamespace(stamp=0.0, f_t=0.0))
     hanging, said = Hanging(hold), []
     for n, load in enumerate(loads):
         hold.reading = SimpleNamespace(stamp=period * n, f_t=load)
-        said.append(hanging.look())
+        said.append(hanging.look(pace))
     return hanging, said
 
 
@@ -77,6 +77,18 @@ def test_a_load_has_gone_after_sixty_milliseconds() -> None:
     _, said = watch([2.0] * 100 + [0.1] * 8, 0.016)
     assert [bool(text) for text in said[100:]] == [False] * 3 + [True] * 5
     assert said[-1].endswith("0.1 N of 1.8 N are left")
+
+
+@pytest.mark.parametrize("pace", [0.1, 0.5, 1.0])
+def test_pads_that_were_loaded_upwards_bear_nothing_in_between_for_as_long_as_the_arm_takes(
+    pace: float,
+) -> None:
+    between = np.abs(np.linspace(-0.6, 0.6, round(8 / pace)))  # 0.16 s at full speed
+    _, said = watch([0.6] * 50 + between.tolist() + [2.0] * 50, 0.02, pace)
+    assert set(said) == {""}
+    _, said = watch([2.0] * 50 + [0.1] * round(4 / pace), 0.02, pace)
+    noticed = next(k for k, text in enumerate(said[50:], 1) if text)
+    assert 0.059 < 0.02 * noticed * pace < 0.081
 
 
 def test_a_load_that_comes_back_begins_its_absence_anew() -> None:

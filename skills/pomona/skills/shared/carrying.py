@@ -230,7 +230,7 @@ def put_back(
 
 
 LEAST = 0.25  # the tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N
-LASTING = 0.06  # minimum duration [s]
+LASTING = 0.06  # minimum duration at full speed [s]
 
 # time of the load's average, and in which its largest value fades [s]
 AVERAGED = 0.1
@@ -246,8 +246,11 @@ class Hanging:
         self._load = self._most = 0.0
         self._light_for = 0.0
 
-    def look(self) -> str:
+    def look(self, pace: float = 1.0) -> str:
         """Check the newest sample, once a tick; return why the fruit cannot hang any more, or an empty text.
+
+        `pace`: share of its speed at which the arm takes the weight over: pads that were loaded upwards, or across, bear
+        nothing in between for longer then.
 
         Raises DeviceFault: the finger readings are not valid.
         """
@@ -260,7 +263,7 @@ class Hanging:
         # Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5
         light = self._most > LEAST and reading.f_t < 0.35 * self._most
         self._light_for = self._light_for + elapsed if light else 0.0
-        if self._light_for > LASTING:
+        if self._light_for * pace > LASTING:
             return f"its weight has gone from the fingers: {reading.f_t:.1f} N of {self._most:.1f} N are left"
         return ""
 
