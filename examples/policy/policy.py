@@ -20,8 +20,7 @@ from pomona.drivers import (
     SetPoints,
     StreamedArm,
 )
-from pomona.executive import TIME, Float64, Length, Port, Time, Work
-from pomona.skills import MOTION_FAILURES, MovingSkill
+from pomona.executive import TIME, Float64, Length, Port, Skill, Time, Work
 
 WATCHDOG = 0.3  # the arm comes to rest when no set-point arrives for this long [s]
 MAX_AGE = 0.15  # joint states older than this are not used [s]
@@ -29,15 +28,23 @@ STILL = np.deg2rad(0.5)  # the policy has arrived when no joint is to move furth
 ARRIVED = 0.5  # for this long [s]
 
 
-class Policy(MovingSkill):
+class Policy(Skill):
     """Let a learned policy move the arm: from joints and a goal it repeatedly returns the next set-point.
 
-    The driver keeps the arm's limits for any set-point. The skill ends when the policy demands no motion; the tree must
-    check whether that is the goal.
+    The driver keeps the arm's limits for any set-point. No camera watches a motion without a plan: after a person was
+    noticed the run refuses it, and `pomona check` names the node. The skill ends when the policy demands no motion;
+    the tree must check whether that is the goal.
     """
 
     devices = (Arm, StreamedArm)
-    failures = (*MOTION_FAILURES, "BAD_NETWORK", "OUT_OF_LIMITS", "STALE_JOINTS", "TIMEOUT")
+    failures = (
+        "REFUSED",
+        "MOTION_FAILED",
+        "BAD_NETWORK",
+        "OUT_OF_LIMITS",
+        "STALE_JOINTS",
+        "TIMEOUT",
+    )
 
     def run(
         self,
@@ -62,7 +69,7 @@ class Policy(MovingSkill):
             yield from self._rest(motion)
             raise
         yield from self._rest(motion)
-        return None
+        return
 
     def _rest(self, motion: SetPoints) -> Work[None]:
         motion.stop()

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pomona.executive import lease
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.running.events import Event, NodeChanged
 from pomona.executive.skill import Skill, Work
-from pomona.skills.shared import live_watch
 from pomona.tools.simulation.intruder import FAR, Reach
 from pomona.tools.simulation.world import PhysicsWorld
 
@@ -61,7 +61,7 @@ class Witness:
         moving = bool(speeds.max() > MOVING)
         _, _, warned = PHASES[self.phase]
         if self.running == warned and (moving or warned != "Release") and not self.asked:
-            for notice in list(live_watch._NOTICES.values()):
+            for notice in list(lease._NOTICES.values()):
                 notice.why = "a person was here"
         sinks = before is not None and self.tool[1][2] - before[1][2] < DOWN * (now - before[0])
         lowers = PHASES[self.phase][1] == np.inf and sinks and self.running == "Release"

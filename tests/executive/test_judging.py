@@ -7,13 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from pomona.drivers.interfaces import StreamedArm
 from pomona.executive.cli import main as pomona
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
+from pomona.executive.ports import Length
 from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, Work
 from pomona.executive.values.findings import Finding
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sections import Problem
@@ -104,6 +107,35 @@ def test_mistakes_elsewhere_hide_no_pose(
     found = judged(tmp_path, registry, wrong + "  other: {root: {wait: 5}}\n")
     assert [f.code for f in found] == ["unknown-skill", "unfit", "value"]
     assert found[1].hint == "did you mean 'home'?"
+
+
+MOVES = """pomona: 1
+tree: moves
+root:
+  fallback:
+    - MoveTo: {pose: home}
+    - Policy: {network: net.onnx, x: 0 m, y: 0 m, z: 0 m}
+"""
+
+
+class Policy(Skill):
+    """A skill that streams to the arm and watches nothing."""
+
+    devices = (StreamedArm,)
+
+    def run(self, network: str, x: Length, y: Length, z: Length) -> Work[None]:
+        yield network
+
+
+def test_a_skill_that_moves_unwatched_is_named_where_something_may_be_noticed(
+    registry: Registry, tmp_path: Path
+) -> None:
+    with_policy = Registry({**registry, "Policy": Policy})
+    [found] = judged(tmp_path, with_policy, MOVES)
+    assert (found.line, found.severity) == (6, "warning")
+    assert "Policy: moves the StreamedArm unwatched" in found.message
+    alone = MOVES.replace("    - MoveTo: {pose: home}\n", "")
+    assert judged(tmp_path, with_policy, alone) == []
 
 
 def test_an_unreadable_value_is_not_judged_as_a_default(

@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import pytest
 
+from pomona.executive.clock import ManualClock
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.lease import (
     Lease,
@@ -18,6 +19,8 @@ from pomona.executive.lease import (
     keep,
     leased,
     lend,
+    motion,
+    notice_of,
 )
 
 
@@ -49,7 +52,7 @@ class Lathe(Protocol):
     @command
     def turn(self, angle: float, *, slowly: bool = False) -> str: ...
 
-    @command
+    @motion
     def follow(self) -> Stream: ...
 
 
@@ -278,7 +281,7 @@ class Turning:
 def test_a_skill_has_a_lease_from_its_start_to_its_end_and_a_new_one_at_its_next_start(
     refused: list[NotOwnerError],
 ) -> None:
-    leases, machine, skill = Leases(refused.append), Machine(), Turning()
+    leases, machine, skill = Leases(refused.append, ManualClock()), Machine(), Turning()
 
     def fetch() -> Any:
         return leases.handle(skill, Lathe, machine)
@@ -300,13 +303,42 @@ def test_a_skill_has_a_lease_from_its_start_to_its_end_and_a_new_one_at_its_next
     assert machine.angle == 0.4
 
 
+def test_after_a_notice_no_motion_starts_that_nothing_watches(
+    refused: list[NotOwnerError],
+) -> None:
+    clock = ManualClock()
+    notice = notice_of(clock)
+    leases, machine, skill = Leases(refused.append, clock), Machine(), Turning()
+    leases.begin(skill)
+    lathe: Any = leases.handle(skill, Lathe, machine)
+    before = keep(lathe, "the grip")
+    lathe.follow()
+    notice.why = "a hand came in"
+    lathe.turn(0.1)
+    with pytest.raises(NotOwnerError, match="nothing watches its motion after 'a hand came in'"):
+        lathe.follow()
+    with pytest.raises(NotOwnerError, match="nothing watches its motion"):
+        keep(lathe, "another grip").turn(0.1)
+    before.follow()  # control that goes on holds what it holds
+    notice.watched.add(skill.path)
+    lathe.follow().aim(0.1)
+    keep(lathe, "another grip").follow()
+    leases.begin(skill)
+    again: Any = leases.handle(skill, Lathe, machine)
+    with pytest.raises(NotOwnerError, match="nothing watches its motion"):
+        again.follow()
+    notice.why = ""
+    again.follow()
+    assert len(refused) == 3
+
+
 def test_a_skill_that_only_looks_commands_nothing(refused: list[NotOwnerError]) -> None:
     class Looking(Turning):
         @classmethod
         def claims(cls) -> tuple[type, ...]:
             return ()
 
-    leases, machine, skill = Leases(refused.append), Machine(), Looking()
+    leases, machine, skill = Leases(refused.append, ManualClock()), Machine(), Looking()
     leases.begin(skill)
     lathe: Any = leases.handle(skill, Lathe, machine)
     assert lathe.state() == "at rest"

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.executive.skill import Skill
+from pomona.drivers.interfaces import Arm, MotionState, Trajectory
+from pomona.executive.errors import NotOwnerError
+from pomona.executive.lease import notice_of
+from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext, drive
 from pomona.skills.feel_friction import FeelFriction
 from pomona.skills.follow import Follow
@@ -15,8 +18,8 @@ from pomona.skills.lift import Lift
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.open_fingers import OpenFingers
+from pomona.skills.pivot import Pivot
 from pomona.skills.retreat import Retreat
-from pomona.skills.shared.live_watch import notice_of
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import Overhead, watched
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, PickingScene, a_grasp
@@ -62,6 +65,29 @@ def test_where_no_camera_watches_nothing_moves_without_an_operator(name: str) ->
     assert scene.gripper.moves == []
 
 
+class Stranger(Skill):
+    """Moves the arm without a watch."""
+
+    devices = (Arm,)
+
+    def run(self, path: Trajectory) -> Work[None]:
+        motion = self.device(Arm).follow(path)
+        while motion.state is MotionState.RUNNING:
+            yield None
+
+
+def test_a_skill_that_watches_nothing_is_refused_until_an_operator_clears_the_notice() -> None:
+    scene, devices, _ = standing("Follow")
+    inputs: dict[str, object] = {
+        "path": time_polyline(np.array([scene.arm.q, HOME]), scene.arm.limits)
+    }
+    with pytest.raises(NotOwnerError, match="nothing watches its motion after 'a moving object"):
+        drive(Stranger(), inputs, devices, clock=scene.clock)
+    assert scene.arm.followed == []
+    notice_of(scene.clock).why = ""
+    assert drive(Stranger(), inputs, devices, clock=scene.clock).status is Status.SUCCESS
+
+
 @pytest.mark.parametrize("name", ["Retreat", "Grasp", "Lift", "OpenFingers", "SlipAvoidGrasp"])
 @pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])
 def test_a_camera_whose_frames_are_untrue_lets_nothing_move(name: str, code: str) -> None:
@@ -76,7 +102,8 @@ def test_a_camera_whose_frames_are_untrue_lets_nothing_move(name: str, code: str
 
 
 @pytest.mark.parametrize("code", ["PATH_BLOCKED", "POSE_MISMATCH", "DEPTH_MISMATCH"])
-def test_the_pads_do_not_slide_over_the_fruit_either(code: str) -> None:
+@pytest.mark.parametrize("skill", [FeelFriction(), Pivot()], ids=["FeelFriction", "Pivot"])
+def test_the_pads_do_not_slide_over_the_fruit_either(skill: Skill, code: str) -> None:
     scene = Standing()
     hold = scene.grasp()
     notice_of(scene.clock).why = "a moving object entered"
@@ -84,9 +111,10 @@ def test_the_pads_do_not_slide_over_the_fruit_either(code: str) -> None:
     above.untrue = "" if code == "PATH_BLOCKED" else code
     q = scene.arm.q.copy()
     seen = scene.devices if code == "PATH_BLOCKED" else devices
-    end = drive(FeelFriction(), {"hold": hold}, seen, clock=scene.clock)
+    end = drive(skill, {"hold": hold}, seen, clock=scene.clock)
     assert end.reason is not None
     assert end.reason.code == code
+    assert hold.holds
     np.testing.assert_array_equal(scene.arm.q, q)
 
 
@@ -170,6 +198,39 @@ def test_a_hand_that_vanishes_beside_the_robot_is_still_there(
         assert end.reason is not None
         assert "last seen beside the robot" in end.reason.message
         np.testing.assert_array_equal(scene.arm.q, q)
+
+
+class Touched(Skill):
+    """Has met something where nothing was expected."""
+
+    failures = ("CONTACT",)
+
+    def run(self) -> None:
+        raise self.failure("CONTACT", "the hand touched something", unexpected=True)
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_what_touched_the_robot_unseen_is_beside_it_until_it_is_seen_to_leave(
+    monkeypatch: pytest.MonkeyPatch, leaves: bool
+) -> None:
+    monkeypatch.setattr("pomona.skills.shared.live_watch.PATIENCE", 3.0)
+    scene = PickingScene(q=OBSERVE.copy())
+    devices, above = watched(scene)
+    drive(Touched(), {}, {}, clock=scene.clock)
+    x, y, z = scene.tcp[:3, 3]
+    path = time_polyline(np.array([scene.arm.q, HOME]), scene.arm.limits)
+
+    def go(tick: int) -> None:
+        x_now = x + 0.12 + 0.02 * (tick - 20)
+        above.balls = ((x_now, y, z, 0.04),) if leaves and 20 <= tick < 40 else ()
+
+    end = drive(Follow(), {"path": path}, devices, clock=scene.clock, each_tick=go)
+    if leaves:
+        assert end.status is Status.SUCCESS
+    else:
+        assert end.reason is not None
+        assert "last seen beside the robot" in end.reason.message
+        assert scene.arm.followed == []
 
 
 def test_a_way_that_no_camera_shows_is_not_taken(

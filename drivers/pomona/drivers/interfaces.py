@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.errors import DeviceFault
 from pomona.executive.cell.device import paced, stamped
-from pomona.executive.lease import command
+from pomona.executive.lease import command, motion
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import ReadOnly
 
@@ -236,7 +236,7 @@ class Arm(Protocol):
     def state(self) -> ArmState:
         """Return the joints as last measured."""
 
-    @command
+    @motion
     @paced
     def follow(self, trajectory: Trajectory) -> Motion:
         """Start a trajectory.
@@ -274,7 +274,7 @@ class SetPoints(Motion, Protocol):
 class StreamedArm(Protocol):
     """An arm that also follows set-points streamed to it, for closed-loop control."""
 
-    @command
+    @motion
     def stream(self, watchdog: float) -> SetPoints:
         """Start from rest; without a set-point for `watchdog` [s] the arm comes to rest and the motion has failed.
 
@@ -337,7 +337,7 @@ class Gripper(Protocol):
     def state(self) -> GripperState:
         """Opening and speed as last measured."""
 
-    @command
+    @motion
     def move(self, width: float, speed: float, force: float | None = None) -> Motion:
         """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.
 
@@ -348,7 +348,7 @@ class Gripper(Protocol):
             MotionRefused: outside the limits, or the gripper is latched.
         """
 
-    @command
+    @motion
     def set_speed(self, speed: float) -> None:
         """Stream a rate of the opening [m/s]; negative closes. Ends an earlier move.
 

@@ -13,6 +13,7 @@ from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.expression import Reference
 from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.language.scope import ComputedValue, Given, Value
+from pomona.executive.lease import BLOCKED, commands_of
 from pomona.executive.ports import Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
@@ -134,7 +135,9 @@ def judge(
     analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
     findings.extend(_placed(found, settings) for found in analysis.findings)
     said: dict[tuple[type[Skill], str], list[Problem]] = {}
-    for use in uses_of_skills(analysis):
+    uses = list(uses_of_skills(analysis))
+    watched = any(BLOCKED in use.skill.failures for use in uses)
+    for use in uses:
         known = {name: value.value for name, value in use.known.items()}
         alike = use.skill, repr(known)
         if alike not in said:
@@ -146,6 +149,10 @@ def judge(
             where = problem.where or where
             report = findings.warning if problem.warning else findings.error
             report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
+        moves = [one.__name__ for one in use.skill.claims() if commands_of(one, "__is_motion__")]
+        if watched and moves and BLOCKED not in use.skill.failures:
+            words = f"{use.node.label}: moves the {moves[0]} unwatched: once a person was noticed the run refuses it"
+            findings.warning(use.node.key, "unwatched", words, "move it by `MovingSkill.travel`")
     return Judged(file, findings, analysis)
 
 

@@ -12,29 +12,68 @@ members of its interface alone, and none of them can be replaced: a skill cannot
 
 Control that continues after its skill, such as a grip, requests a lease of its own while the skill runs: `keep`. A
 later skill commands that control through the right to its device: `lend`.
+
+After a `Notice` a command that is a `motion` also needs a watch, which a skill declares by its failure `BLOCKED`.
 """
 
 from __future__ import annotations
 
 import typing
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cache
 from operator import attrgetter
 from threading import RLock
 from typing import Any, Protocol, TypeVar
+from weakref import WeakKeyDictionary
 
 from pomona.executive.errors import NotOwnerError
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 
-_NONE: frozenset[str] = frozenset()
+BLOCKED = "PATH_BLOCKED"  # failure code of a motion that its watch has stopped, or not let start
+
+
+@dataclass
+class Notice:
+    """Why a person may be near. Until an operator clears it, no motion starts that nothing watches.
+
+    Attributes:
+        beside: it may be beside the robot, which hides it: it was last seen there, or has touched it.
+        watch: the newest one.
+        watched: paths of the skills whose motions are watched now.
+    """
+
+    why: str = ""
+    beside: bool = False
+    watch: Any = None
+    watched: set[str] = field(default_factory=set)
+
+    def against(self, skill: str) -> str:
+        """Return why a skill must not move a device, empty if it may."""
+        held = self.why and skill not in self.watched
+        return f"nothing watches its motion after '{self.why}'" if held else ""
+
+
+_NOTICES: WeakKeyDictionary[object, Notice] = WeakKeyDictionary()
+
+
+def notice_of(clock: object) -> Notice:
+    """Return the notice of the run on this clock."""
+    return _NOTICES.setdefault(clock, Notice())
 
 
 def command(method: F) -> F:
     """Mark a method of an interface: it moves the device, so it needs a lease."""
     method.__is_command__ = True  # type: ignore[attr-defined]
     return method
+
+
+def motion(method: F) -> F:
+    """Mark a command that starts a motion: see `Notice`."""
+    method.__is_motion__ = True  # type: ignore[attr-defined]
+    return command(method)
 
 
 class Lessee(Protocol):
@@ -53,7 +92,10 @@ class Lease:
     Attributes:
         owner: path of the skill, or name of the control, that has it.
         lock: held while a command is carried out, so that none begins behind the end.
+        notice: that its motions obey: of the run, or one of its own.
     """
+
+    notice = Notice()
 
     def __init__(
         self, owner: str, refused: Callable[[NotOwnerError], None], over: str = ""
@@ -74,11 +116,11 @@ class Lease:
         with self.lock:
             self._over = self._over or why
 
-    def require(self, device: object, name: str) -> None:
+    def require(self, device: object, name: str, moves: bool = False) -> None:
         """Refuse a command of a device unless the lease is valid. Raises NotOwnerError: it is not."""
-        if self._over:
+        if over := self._over or (moves and self.notice.against(self.owner)):
             error = NotOwnerError(
-                self.owner, str(getattr(device, "name", type(device).__name__)), name, self._over
+                self.owner, str(getattr(device, "name", type(device).__name__)), name, over
             )
             self._refused(error)
             raise error
@@ -86,23 +128,28 @@ class Lease:
     def handed_on(self, to: str) -> Lease:
         """Return a lease of its own for control that goes on after its skill; it has no right if this one has none."""
         with self.lock:
-            return Lease(f"{self.owner} ({to})", self._refused, self._over)
+            over = self._over or self.notice.against(self.owner)
+            return Lease(f"{self.owner} ({to})", self._refused, over)
 
 
 class Leases:
     """The leases of a run's skills: one from each start of a skill until it has halted."""
 
-    def __init__(self, refused: Callable[[NotOwnerError], None]) -> None:
+    def __init__(self, refused: Callable[[NotOwnerError], None], clock: object) -> None:
         """
         Args:
             refused: called with each refusal, in the thread that commands.
+            clock: of the run.
         """
         self._refused = refused
+        self._notice = notice_of(clock)
         self._running: dict[Lessee, Lease] = {}
 
     def begin(self, skill: Lessee) -> None:
         """Start a lease: the skill may command the devices that it claims."""
-        self._running[skill] = Lease(skill.path, self._refused)
+        self._notice.watched.discard(skill.path)
+        self._running[skill] = lease = Lease(skill.path, self._refused)
+        lease.notice = self._notice
 
     def end(self, skill: Lessee) -> None:
         """The skill has ended: its handles command nothing any more. Harmless when it has no lease."""
@@ -185,17 +232,12 @@ def identity(device: object) -> int:
 
 
 @cache
-def commands_of(interface: type) -> frozenset[str]:
-    """Return names of an interface's commands."""
+def commands_of(interface: type, mark: str = "__is_command__") -> frozenset[str]:
+    """Return names of an interface's commands, or of its methods with another mark."""
     found = {
         name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()
     }
-    return (
-        frozenset(
-            name for name, member in found.items() if getattr(member, "__is_command__", False)
-        )
-        or _NONE
-    )
+    return frozenset(name for name, member in found.items() if getattr(member, mark, False))
 
 
 @cache
@@ -232,12 +274,13 @@ def _command(interface: type, name: str) -> Callable[..., Any]:
     """Return the handle's method; if its result has commands, they need the same lease."""
     returned = typing.get_type_hints(getattr(interface, name)).get("return")
     gives = returned if isinstance(returned, type) and commands_of(returned) else None
+    moves = name in commands_of(interface, "__is_motion__")
 
     def carry_out(handle: Handle, *arguments: Any, **named: Any) -> Any:
         lease = handle._lease
         device = handle._device
         with lease.lock:
-            lease.require(device, name)
+            lease.require(device, name, moves)
             result = getattr(device, name)(*arguments, **named)
         return result if gives is None else leased(result, gives, lease)
 

@@ -39,6 +39,7 @@ from py_trees.common import Status
 from pomona.executive.account import AccountEntry
 from pomona.executive.clock import Clock
 from pomona.executive.errors import SkillError
+from pomona.executive.lease import BLOCKED, notice_of
 from pomona.executive.ports import Outputs, Ports
 from pomona.executive.signature import ports_of
 from pomona.executive.values.findings import Located
@@ -443,6 +444,11 @@ class Skill(py_trees.behaviour.Behaviour):
             status = self._poll()
         except SkillFailure as failed:
             self.reason = failed.failure
+            touched = bool(self.reason.data.get("unexpected"))
+            if touched or self.reason.code in (BLOCKED, "STOPPED"):
+                notice = notice_of(self.clock)
+                notice.why = self.reason.message
+                notice.beside |= touched
             self.feedback_message = str(failed)
             status = Status.FAILURE
         except Interrupted as error:

@@ -57,7 +57,7 @@ class BenchContext:
     refused: list[NotOwnerError] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.leases = Leases(self.refused.append)
+        self.leases = Leases(self.refused.append, self.clock)
 
     def device(self, interface: type[T], skill: Skill) -> T:
         return self.leases.handle(skill, interface, cast(T, self.devices[interface]))

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from pomona.skills.shared.live_watch import (
         KnownAround as KnownAround,
         LiveWatch as LiveWatch,
+        ask_operator as ask_operator,
         prepare_watch as prepare_watch,
-        resting as resting,
         watched as watched,
     )
     from pomona.skills.shared.looking import (
@@ -56,7 +56,7 @@ PUBLIC = {
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
     "shared.held_fruit": "grip_settings show_grip",
-    "shared.live_watch": "KnownAround LiveWatch prepare_watch resting watched",
+    "shared.live_watch": "KnownAround LiveWatch ask_operator prepare_watch watched",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
     "shared.touch": "Touch",

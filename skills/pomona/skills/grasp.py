@@ -25,7 +25,7 @@ from pomona.skills.shared.following import (
     Watching,
 )
 from pomona.skills.shared.held_fruit import bearable_force
-from pomona.skills.shared.live_watch import LiveWatch, hand_clear
+from pomona.skills.shared.live_watch import LiveWatch, watched
 from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
 
@@ -119,7 +119,7 @@ class Grasp(MovingSkill):
         if too_strong := _too_strong(limits, force, bears):
             raise self.failure("REFUSED", f"{too_strong}; nothing has moved")
         force = max(force, 2.0 * limits.force_min)
-        eyes = yield from hand_clear(self)
+        eyes = yield from watched(self)
         take_over(gripper)
         start = gripper.state()
         narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())
@@ -150,7 +150,6 @@ class Grasp(MovingSkill):
             self, fruit, (None, None), PadTouch(met.stamp, met.width, met.motor_force or 0.0)
         )
         yield evidence
-        return None
 
     def _close(self, aim: float, speed: float, force: float, eyes: LiveWatch | None) -> Watching:
         """Close until the fingers are at their aim, are stopped by something, or press with a force [N]."""

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import Annotated
 
 from pomona.drivers.interfaces import Gripper
 from pomona.executive.ports import TIME, Port, Time
-from pomona.executive.skill import Skill, Work
+from pomona.executive.skill import Work
 from pomona.skills.grip.hold import Hold
+from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import show_grip, watch_grip
+from pomona.skills.shared.live_watch import WATCH_FAILURES, LiveWatch, watched
 
 # largest distance of the fruit's centre from the vertical through the fingers [m]
 PLUMB = 0.004
 
 
-class Pivot(Skill):
+class Pivot(MovingSkill):
     """Let a held fruit turn in the fingers under gravity until it hangs plumb.
 
     The force bears the weight only, and friction brakes the turning. The lever of the fruit, moment over weight, is the
@@ -24,6 +25,7 @@ class Pivot(Skill):
 
     devices = (Gripper,)
     failures = (
+        *WATCH_FAILURES,
         "NOT_HELD",
         "NOT_PLUMB",
         "LOST",
@@ -42,10 +44,11 @@ class Pivot(Skill):
     ) -> Work[None]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held that could pivot")
+        eyes = yield from watched(self)
         hold = hold.under(self.device(Gripper))
         hold.pivot(True)
         try:
-            lever = yield from self._turn(hold, patience)
+            lever = yield from self._turn(hold, patience, eyes)
         finally:
             hold.pivot(False)
         show_grip(self, hold, everything=True)
@@ -54,14 +57,15 @@ class Pivot(Skill):
                 f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm off the vertical"
             )
             raise self.failure("NOT_PLUMB", message, lever_m=lever)
-        return None
 
-    def _turn(self, hold: Hold, patience: float) -> Generator[str | None, None, float]:
+    def _turn(self, hold: Hold, patience: float, eyes: LiveWatch | None) -> Work[float]:
         """Wait until the force is down and the fruit hangs still; return its lever [m]."""
         start = since = self.context.elapsed()
         before = lever_of(hold)
         while self.context.elapsed() - start < patience:
             watch_grip(self, hold)
+            if eyes is not None:
+                eyes.look()
             lever = lever_of(hold)
             now = self.context.elapsed()
             if (

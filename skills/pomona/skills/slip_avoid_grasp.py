@@ -6,18 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 
-from pomona.drivers.interfaces import (
-    Arm,
-    Cameras,
-    Carrier,
-    ForceSensor,
-    Gripper,
-    Pads,
-    SampleRate,
-    Workspace,
-)
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Pads, SampleRate
 from pomona.executive.ports import FORCE, Force, Outputs, Port, Ratio
-from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, Work
+from pomona.executive.skill import CellFacts, Interrupted, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.grip.controller import GripController, warm_up
@@ -26,8 +17,9 @@ from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import surface_table
 from pomona.skills.grip.settings import ForceLaw, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import grip_settings, show_grip, watch_grip
-from pomona.skills.shared.live_watch import WATCH_FAILURES, LiveWatch, hand_clear
+from pomona.skills.shared.live_watch import WATCH_FAILURES, LiveWatch, watched
 from pomona.skills.shared.touch_view import record_touches
 
 
@@ -37,16 +29,10 @@ class Grasped(Outputs):
     hold: Hold
 
 
-class SlipAvoidGrasp(Skill):
+class SlipAvoidGrasp(MovingSkill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor, Pads)
-    optional_devices = (
-        Arm,
-        Workspace,
-        Cameras,
-        Carrier,
-    )  # pose and table are recorded with the touches
     moves = (Gripper,)
     failures = (  # found in grip/closing.py until the fruit is held, then in grip/monitors.py
         "NO_CONTACT",
@@ -109,7 +95,7 @@ class SlipAvoidGrasp(Skill):
             initial_force=initial_force,
         )
         yield from self.compute(surface_table, settings.contact)
-        eyes = yield from hand_clear(self)
+        eyes = yield from watched(self)
         gripper = self.device(Gripper)
         hold = Hold(
             gripper,

@@ -49,16 +49,18 @@ class Rig:
             failure=lambda code, message, **data: Told(code, message, data),
         )
         self.path: Any = SimpleNamespace(
-            width=0.0, look=self._look, standing=self._standing, slowed=self._slowed,
+            width=0.0, duration=4.0, look=self._look, standing=self._standing, slowed=self._slowed,
             suspect=self.suspected.append,
-            on=lambda *given: SimpleNamespace(look=self._look, width=0.0, given=given),
+            on=lambda *given: SimpleNamespace(
+                look=self._look, width=0.0, given=given, duration=given[0].duration
+            ),
         )  # fmt: skip
         self.slower: Any = None
         self.eyes = tuple(
             SimpleNamespace(latest=lambda k=k: self._frame(k)) for k in range(cameras)
         )
         self.watch = LiveWatch(
-            self.skill, self.scene.arm, self.eyes, self.scene.workspace, self.path, 4.0  # type: ignore[arg-type]
+            self.skill, self.scene.arm, self.eyes, self.scene.workspace, self.path  # type: ignore[arg-type]
         )  # fmt: skip
         self.motion: Any = SimpleNamespace(
             state=MotionState.RUNNING, progress=0.25, stop=lambda: self.stops.append("arm")
@@ -148,11 +150,23 @@ def test_an_unreadable_frame_is_none() -> None:
 def test_only_a_motion_that_runs_is_watched(state: MotionState) -> None:
     rig = Rig()
     rig.frames = [seen(9.9)]
-    assert rig.watch.look() is None  # not begun yet
     rig.motion.state = state
     rig.watch.begin(rig.motion)
     assert rig.watch.look() is None
     assert rig.looks == []
+
+
+def test_while_the_arm_rests_its_place_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_watch, "frame_problem", lambda *_: None)
+    rig = Rig()
+    rig.frames = [seen(9.9)]
+    rig.watch.look()
+    assert rig.looks[0][4] == 0.0
+    rig.frames = [seen(9.95)]
+    rig.ahead = replace(AHEAD, stop=True)
+    with pytest.raises(Told):
+        rig.watch.look()
+    assert rig.stops == ["belt"]
 
 
 def test_a_fixed_camera_sees_the_arm_where_it_was_and_one_on_the_hand_where_it_says() -> None:
@@ -248,7 +262,7 @@ def test_a_cell_is_watched_when_it_has_cameras_and_its_file_asks_for_it(
     monkeypatch.setattr(
         live_watch,
         "PathWatch",
-        lambda *args: SimpleNamespace(width=args[3], inherit=lambda *_given: None),
+        lambda *args: SimpleNamespace(given=args, width=args[3], inherit=lambda *_given: None),
     )
     scene = PickingScene()
     devices, _camera = watched(scene)
@@ -256,7 +270,7 @@ def test_a_cell_is_watched_when_it_has_cameras_and_its_file_asks_for_it(
     def made(**without: Any) -> LiveWatch | None:
         there = {kind: device for kind, device in devices.items() if kind.__name__ not in without}
         skill: Any = SimpleNamespace(optional_device=there.get, clock=scene.clock)
-        return LiveWatch.of(skill, scene.arm, trajectory, KnownAround())
+        return LiveWatch.of(skill, trajectory, KnownAround())
 
     still = np.zeros((3, 7))
     trajectory: Any = SimpleNamespace(
@@ -265,7 +279,7 @@ def test_a_cell_is_watched_when_it_has_cameras_and_its_file_asks_for_it(
     )  # fmt: skip
     watch = made()
     assert watch is not None
-    assert watch._duration == 2.5
+    assert watch._watch.given[1].duration == 2.5
     assert watch._watch.width == pytest.approx(scene.gripper.width)
     alone = made(Gripper=None)
     assert alone is not None

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from pomona.executive.clock import Clock
+from pomona.executive.lease import commands_of
 
 if TYPE_CHECKING:  # small commands do not load numpy
     from pomona.executive.cell.errors import DeviceError
@@ -76,7 +76,7 @@ class Device:
             (
                 name
                 for interface in self.interfaces
-                for name in _marked(interface, "__is_stamped__")
+                for name in commands_of(interface, "__is_stamped__")
             ),
             None,
         )
@@ -124,7 +124,7 @@ class Device:
     def full_speed_only(self) -> bool:
         """Whether it has paced commands, as an arm has, and its driver cannot reduce the speed."""
         return type(self).go_at is Device.go_at and any(
-            _marked(one, "__is_paced__") for one in self.interfaces
+            commands_of(one, "__is_paced__") for one in self.interfaces
         )
 
     def settled(self) -> bool:
@@ -206,12 +206,3 @@ class ConnectContext:
 def _class_only(interface: type) -> type | tuple[()]:
     """Return the class itself for isinstance, but nothing for a Protocol, which matches by method names only."""
     return () if getattr(interface, "_is_protocol", False) else interface
-
-
-@cache
-def _marked(interface: type, mark: str) -> tuple[str, ...]:
-    """Return the names of an interface's methods with this mark."""
-    found = {
-        name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()
-    }
-    return tuple(name for name, member in found.items() if getattr(member, mark, False))

@@ -311,7 +311,7 @@ class RunContext:
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []
         self._owners: dict[type, Skill] = {}
-        self._leases = Leases(self._note_refusal)
+        self._leases = Leases(self._note_refusal, self._clock)
         self._refusals: list[NotOwnerError] = []
         self._noted: set[tuple[str, str, str]] = set()
         self._failures: list[tuple[str, BaseException]] = []

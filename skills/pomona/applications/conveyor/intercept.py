@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import partial
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pomona.applications.conveyor.await_fruit import ComingFruit
 from pomona.applications.conveyor.belt_skill import BELT_FAILURES, BeltSkill
@@ -59,22 +59,28 @@ class Intercept(BeltSkill):
     """
 
     devices = (Camera, Conveyor, Arm, StreamedArm, Gripper, ForceSensor, Pads, Workspace)
-    optional_devices: ClassVar[tuple[type, ...]] = (Cameras, Carrier)
+    optional_devices = (Cameras, Carrier)
     moves = (Arm, StreamedArm, Gripper)
     failures = (
         *MOTION_FAILURES,
         *BELT_FAILURES,
-        *("OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK"),
-        *("TRACK_LOST", "BELT_CHANGED", "BEHIND", "END_OF_REACH"),
-        *(
-            "NO_CONTACT",
-            "ONE_FINGER",
-            "OUT_OF_STROKE",
-            "FORCE_LIMIT",
-            "SENSOR_STALE",
-            "SENSOR_SATURATED",
-        ),
-        *("SENSOR_FAULT", "SLIPPED", "LOST"),
+        "OUT_OF_REACH",
+        "TOO_UNSURE",
+        "TOO_WIDE",
+        "NEIGHBOUR_AT_RISK",
+        "TRACK_LOST",
+        "BELT_CHANGED",
+        "BEHIND",
+        "END_OF_REACH",
+        "NO_CONTACT",
+        "ONE_FINGER",
+        "OUT_OF_STROKE",
+        "FORCE_LIMIT",
+        "SENSOR_STALE",
+        "SENSOR_SATURATED",
+        "SENSOR_FAULT",
+        "SLIPPED",
+        "LOST",
     )
 
     def prepare(self) -> None:
@@ -113,11 +119,10 @@ class Intercept(BeltSkill):
         hold: Hold | None = None
         try:
             tracks.newest_frame = self.clock.now()
-            pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
+            pick, track, width = yield from self._plan(target, tracks, stream, eyes, sure, height)
             fast = tracks.travel.speed > FAST
             settings = moving_grip(self, target.measured, width, fast)
             catch = Catch(pick, track, tracks, stream, self.failure)
-            eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
                 self.look(tracks, False, catch.meeting())
                 ahead = eyes.look()
@@ -157,7 +162,13 @@ class Intercept(BeltSkill):
         return Caught(hold, grasp, felt_width(hold) or gripper.state().width)
 
     def _plan(
-        self, target: ComingFruit, tracks: BeltWatch, stream: HandStream, sure: float, height: float
+        self,
+        target: ComingFruit,
+        tracks: BeltWatch,
+        stream: HandStream,
+        eyes: ReachWatch,
+        sure: float,
+        height: float,
     ) -> Work[tuple[InterceptPlan, FruitTrack, float]]:
         """Stand until a pick is possible; then open the fingers and return it, the fruit and its width."""
         arm = self.device(Arm)
@@ -179,6 +190,9 @@ class Intercept(BeltSkill):
                 )
             pick = choice.now(track, self.clock.now())
             if isinstance(pick, InterceptPlan):
+                eyes.begin(stream.motion, pick.times, pick.postures)
+                if not (yield from eyes.sees_free()):
+                    continue
                 gripper.move(opening, gripper.limits.speed_max)
                 return pick, track, grip.width
             if pick.code:

@@ -12,7 +12,7 @@ import numpy as np
 from pomona.applications.conveyor.conveyor import Belt
 from pomona.drivers import Arm, Motion, Surroundings, Trajectory, Workspace
 from pomona.executive import Clock, Float64, Problem, Skill, Work
-from pomona.skills import KnownAround, LiveWatch, prepare_watch, resting, watched
+from pomona.skills import KnownAround, LiveWatch, ask_operator, prepare_watch, watched
 from pomona.skills.motion import RobotModel, RobotShape
 
 # least share of the belt that a camera must have in its picture to see a person beside it
@@ -51,7 +51,19 @@ class ReachWatch:
 
     def open(self) -> Work[None]:
         """Wait until a motion may start: see `watched`."""
-        self._eyes = yield from watched(self._skill, self._arm, resting(self._arm), KnownAround())
+        self._eyes = yield from watched(self._skill, None, KnownAround())
+
+    def sees_free(self) -> Work[bool]:
+        """Return True if the way that has begun may be gone: after a notice the cameras must show its whole volume.
+
+        False after an operator was asked: the way is too late. Raises SkillFailure: PATH_BLOCKED; nothing has moved.
+        """
+        if self._eyes is None:
+            return True
+        why = yield from self._eyes.obstructed(True)
+        if why:
+            yield from ask_operator(self._skill, why)
+        return not why
 
     def begin(self, motion: Motion, times: Float64, q: Float64, holds: bool = False) -> None:
         """Watch a way from now on; until then nothing is compared.

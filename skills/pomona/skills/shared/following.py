@@ -17,7 +17,8 @@ from pomona.drivers.interfaces import (
     Trajectory,
     Workspace,
 )
-from pomona.executive.skill import Skill, SkillFailure
+from pomona.executive.lease import notice_of
+from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
@@ -25,8 +26,6 @@ from pomona.skills.shared.live_watch import (
     WATCH_FAILURES,
     KnownAround,
     LiveWatch,
-    hand_clear,
-    notice_of,
     prepare_watch,
     watched,
 )
@@ -128,7 +127,7 @@ class MovingSkill(Skill):
         entered = zone_entered(self, arm, trajectory, carrying)
         if entered:
             raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
-        eyes = yield from watched(self, arm, trajectory, around, wary, carrying)
+        eyes = yield from watched(self, trajectory, around, wary, carrying)
         if eyes is not None and (slower := eyes.slowed()) is not None:
             trajectory = slower
             yield "slower, beside an unmapped object; if it always stands there, add it to the cell file"
@@ -144,7 +143,7 @@ class MovingSkill(Skill):
     def move_fingers(self, width: float, speed: float) -> Watching:
         """Move the fingers to an opening [m] at a speed [m/s]."""
         gripper = self.device(Gripper)
-        eyes = yield from hand_clear(self)
+        eyes = yield from watched(self)
         yield from self._carry_out(lambda: gripper.move(width, speed), eyes=eyes)
 
     def _carry_out(
@@ -171,13 +170,9 @@ class MovingSkill(Skill):
             yield from follow_motion(motion, look, each_tick)
         except MotionEnded as ended:
             code = "STOPPED" if ended.state is MotionState.STOPPED else "MOTION_FAILED"
-            if code == "STOPPED":
-                notice_of(self.clock).why = str(ended)
             raise self.failure(code, str(ended), progress=round(motion.progress, 3)) from ended
-        except SkillFailure as failed:
-            if failed.failure.data.get("unexpected"):
-                notice_of(self.clock).why = failed.failure.message
-            raise
+        finally:
+            notice_of(self.clock).watched.discard(self.path)
 
 
 def zone_entered(

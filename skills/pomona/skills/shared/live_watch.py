@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -29,6 +27,7 @@ from pomona.drivers.interfaces import (
     Trajectory,
     Workspace,
 )
+from pomona.executive.lease import BLOCKED, notice_of
 from pomona.executive.skill import Skill, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
@@ -43,9 +42,6 @@ from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 from pomona.skills.shared.warm_motion import warm_checks
-
-# failure code of a motion that was stopped by an obstacle in a camera's view
-BLOCKED = "PATH_BLOCKED"
 
 WATCH_FAILURES = (
     BLOCKED,
@@ -67,22 +63,6 @@ PATIENCE = 10.0  # wait for a person to leave, before the operator is asked [s]
 UNSEEN = 1.0  # nobody has been seen for so long when a motion starts [s]: a hand beside the robot shows in some frames only
 
 
-@dataclass(slots=True)
-class Notice:
-    """What a run remembers for its next motion: the newest watch, and why a person may be near; an operator clears it."""
-
-    watch: PathWatch | None = None
-    why: str = ""
-
-
-_NOTICES: WeakKeyDictionary[object, Notice] = WeakKeyDictionary()
-
-
-def notice_of(clock: object) -> Notice:
-    """Return what the run on this clock remembers."""
-    return _NOTICES.setdefault(clock, Notice())
-
-
 class LiveWatch:
     """Watches one motion of a skill that declares `WATCH_FAILURES`; made by `of`."""
 
@@ -93,7 +73,6 @@ class LiveWatch:
         cameras: tuple[Camera, ...],
         workspace: Workspace,
         watch: PathWatch,
-        duration: float,
     ) -> None:
         self._skill = skill
         self._arm = arm
@@ -101,7 +80,6 @@ class LiveWatch:
         self._watch = watch
         self._robot = RobotModel.load(arm.description)
         self._workspace = workspace
-        self._duration = duration
         self._stamps: dict[int, float] = {}
         # postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks
         self._states: deque[ArmState] = deque(maxlen=64)
@@ -109,12 +87,17 @@ class LiveWatch:
         self._gripper = skill.optional_device(Gripper)
 
     @staticmethod
-    def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
-        """Return the watch of a trajectory; None in a cell without a camera, or whose file requests no watch."""
+    def of(skill: Skill, trajectory: Trajectory | None, around: KnownAround) -> LiveWatch | None:
+        """Return the watch of a trajectory, or of a resting arm.
+
+        None in a cell without an arm or a camera, or whose file requests no watch.
+        """
         cameras = _watching(skill)
+        arm = skill.optional_device(Arm)
         workspace = skill.optional_device(Workspace)
-        if not cameras or workspace is None:
+        if not cameras or workspace is None or arm is None:
             return None
+        trajectory = trajectory or _still(arm.state().q)
         shape = RobotShape.of(RobotModel.load(arm.description))
         held = around.carrying
         if held is not None:
@@ -127,7 +110,7 @@ class LiveWatch:
         if notice.watch is not None and (notice.why or around.map is None):
             watch.inherit(notice.watch, bool(notice.why))
         notice.watch = watch
-        return LiveWatch(skill, arm, cameras, workspace, watch, trajectory.duration)
+        return LiveWatch(skill, arm, cameras, workspace, watch)
 
     def check_cameras(self) -> None:
         """Compare the table in every camera's newest frame with the cell file's, before the motion starts.
@@ -149,21 +132,25 @@ class LiveWatch:
             ):
                 yield number, frame, pose_of_camera(frame, self._robot)
 
-    def obstructed(self) -> Work[str]:
+    def obstructed(self, noticed: bool = False) -> Work[str]:
         """Return what the newest frames show against a start, empty if they show the way free; one camera a tick.
 
-        After a notice the whole volume that the robot passes through must be in view.
+        After a notice the whole volume that the robot passes through must be in view; if `noticed`, nothing counts before.
         """
+        notice = notice_of(self._skill.clock)
+        if noticed and not notice.why:
+            return ""
         views = []
         for number, frame, T_base_camera in self._fresh():
             q = self._arm.state().q if frame.q is None else frame.q
             if seen := self._watch.entered(frame, T_base_camera, q, number):
+                notice.beside = self._watch.beside
                 return seen
             views.append((frame, T_base_camera, q))
             yield None
-        if not notice_of(self._skill.clock).why:
+        if not notice.why:
             return ""
-        if self._watch.beside:
+        if notice.beside:
             return "what came in was last seen beside the robot"
         return self._watch.hidden(views)
 
@@ -183,7 +170,6 @@ class LiveWatch:
         slower = self._watch.slowed(np.concatenate(seen), oldest)
         if slower is not None:
             self._watch = self._watch.on(slower)
-            self._duration = slower.duration
         return slower
 
     def begin(
@@ -192,11 +178,12 @@ class LiveWatch:
         """The motion has been started; `along`: on this path instead, as a robot of this shape if it is another now."""
         if along is not None:
             self._watch = self._watch.on(along, shape)
-            self._duration = along.duration
         self._motion = motion
 
     def look(self) -> str | None:
         """Compare new frames with the rest of the path; return a text for an obstacle ahead that is not near yet.
+
+        Before a motion has begun the arm rests, while the fingers may move.
 
         Raises SkillFailure: PATH_BLOCKED, or POSE_MISMATCH or DEPTH_MISMATCH if the camera's frames are implausible.
         """
@@ -204,8 +191,11 @@ class LiveWatch:
         self._states.append(self._arm.state())
         if self._gripper is not None:
             self._watch.width = self._gripper.state().width
-        if motion is None or motion.state is not MotionState.RUNNING:
-            return None
+        passed = 0.0
+        if motion is not None:
+            passed = motion.progress * self._watch.duration
+            if motion.state is not MotionState.RUNNING:
+                return None
         said = None
         for number, frame, T_base_camera in self._fresh():
             if self._stamps.get(number) == frame.stamp:
@@ -214,10 +204,16 @@ class LiveWatch:
             self._stamps[number] = frame.stamp
             q = self._posture(frame.stamp) if frame.q is None else frame.q
             ahead = self._watch.look(
-                frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number
+                frame,
+                T_base_camera,
+                q,
+                max(age, 0.0),
+                passed,
+                number,
             )
             if ahead is not None and ahead.stop:
-                motion.stop()
+                if motion is not None:
+                    motion.stop()
                 if (carrier := self._skill.optional_device(Carrier)) is not None:
                     carrier.stop()
                 self._refuse(ahead, self._cameras[number], frame)
@@ -269,13 +265,14 @@ class LiveWatch:
 
 def watched(
     skill: Skill,
-    arm: Arm,
-    path: Trajectory,
-    around: KnownAround | None,
+    path: Trajectory | None = None,
+    around: KnownAround | None = None,
     wary: bool = False,
     carrying: Grasp | None = None,
 ) -> Work[LiveWatch | None]:
-    """Return the watch of a motion once it may start; None where nothing watches it.
+    """Return the watch of a motion once it may start, without a path of the fingers; None where nothing watches it.
+
+    The lease of the skill then lets it start.
 
     After a notice, and if it is `wary`, it may only start while the cameras show its way free: else the arm rests, after
     `PATIENCE` an operator is asked, and without one it fails.
@@ -284,10 +281,8 @@ def watched(
     """
     notice = notice_of(skill.clock)
     since = seen = skill.context.elapsed()
-    if around is None and not notice.why:
-        return None
-    around = around or KnownAround(carrying=carrying)
-    eyes = LiveWatch.of(skill, arm, path, around)
+    known = around or KnownAround(carrying=carrying)
+    eyes = LiveWatch.of(skill, path, known) if around or notice.why else None
     if eyes is not None:
         eyes.check_cameras()
     while notice.why or (wary and eyes is not None):
@@ -298,36 +293,21 @@ def watched(
         elif not notice.why or now - seen >= UNSEEN:
             break
         if why and (eyes is None or not notice.why or now - since > PATIENCE):
-            if not (yield from skill.confirm(f"{why}; is nobody near the arm?")):
-                notice.why = notice.why or why
-                raise skill.failure(BLOCKED, f"{why}; nothing has moved")
-            notice.why = ""
-            return LiveWatch.of(skill, arm, path, around)
+            yield from ask_operator(skill, why)
+            eyes = LiveWatch.of(skill, path, known)
+            break
         yield f"at rest: {why or 'nobody is seen'}"
+    notice.watched.add(skill.path)
     return eyes
 
 
-class Fingers:
-    """Fingers under force control as a motion: a failure of their skill stops them."""
-
-    state = MotionState.RUNNING
-    progress = 0.0
-
-    def stop(self) -> None: ...
-
-
-def hand_clear(skill: Skill) -> Work[LiveWatch | None]:
-    """Return the begun watch of the fingers' next motion, as `watched`; the arm rests."""
-    arm = skill.optional_device(Arm)
-    eyes = None if arm is None else (yield from watched(skill, arm, resting(arm), None))
-    if eyes is not None:
-        eyes.begin(cast(Motion, Fingers()))
-    return eyes
-
-
-def resting(arm: Arm) -> Trajectory:
-    """Return a path on which the arm stays where it is."""
-    return _still(arm.state().q)
+def ask_operator(skill: Skill, why: str) -> Work[None]:
+    """Rest until an operator says that nobody is near. Raises SkillFailure: PATH_BLOCKED, without one."""
+    if not (yield from skill.confirm(f"{why}; is nobody near the arm?")):
+        raise skill.failure(BLOCKED, f"{why}; nothing has moved")
+    notice = notice_of(skill.clock)
+    notice.why = ""
+    notice.beside = False
 
 
 def _still(q: Float64) -> Trajectory:

@@ -16,6 +16,7 @@ from pomona.applications.conveyor.conveyor import ConveyorState
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.drivers import Cameras, StopFailed
 from pomona.executive import SkillEnd, SkillFailure, drive
+from pomona.executive.lease import notice_of
 from pomona.skills import LiveWatch
 from pomona.skills.grip.closing import PickTouches
 from pomona.skills.grip.hold import current_hold
@@ -301,6 +302,22 @@ def test_what_blocks_the_way_up_after_an_interruption_stops_hand_and_belt_and_is
     assert end.status is Status.INVALID
     assert rig.conveyor.stopped_at is not None
     assert rests(rig)
+
+
+@pytest.mark.parametrize("seen", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_after_a_notice_a_pick_starts_only_where_its_whole_way_is_seen(seen: bool) -> None:
+    rig = BeltRig()
+    notice_of(rig.clock).why = "a moving object entered"
+    overhead = (Overhead(rig.clock),) if seen else ()
+    devices = {**rig.devices, Cameras: Cameras((rig.camera, *overhead))}
+    inputs = {"target": rig.target, "tracks": rig.watch}
+    end = drive(Intercept(), inputs, devices, clock=rig.clock)
+    if seen:
+        assert end.status is Status.SUCCESS
+    else:
+        assert code(end) == "PATH_BLOCKED"
+        assert "no camera shows" in end.reason.message
+        assert nothing_moved(rig)
 
 
 @pytest.mark.slow

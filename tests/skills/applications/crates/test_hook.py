@@ -11,8 +11,8 @@ from pomona.applications.crates.hooks import pull_of
 from pomona.applications.crates.pull import bears_at_edges, bears_at_pads
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
+from pomona.executive.lease import notice_of
 from pomona.executive.skill_testing import SkillEnd, drive
-from pomona.skills.shared.live_watch import notice_of
 from pomona.skills.shared.touch import Touch
 from pomona.tools.mock import MockLoadSensor
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook

@@ -134,6 +134,11 @@ class PathWatch:
         self._times = np.append(np.arange(0.0, trajectory.duration, 0.02), trajectory.duration)
         self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
 
+    @property
+    def duration(self) -> float:
+        """Of the motion [s]."""
+        return self._trajectory.duration
+
     def look(
         self,
         frame: Frame,
@@ -195,7 +200,6 @@ class PathWatch:
         self._known |= before._known
         if states:
             self._states = before._states
-            self.beside = before.beside
 
     def suspect(self, point: Sequence[float]) -> None:
         """Count what stands within `SUSPECT` of a point, shape (3,) [m], as having come in."""
