@@ -10,7 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -90,13 +90,21 @@ def settings_of(carry: Carry) -> GripSettings:
     )
 
 
+class Found(NamedTuple):
+    """How a carry ends: its problem, empty without one; when it came [s]; how far the fruit truly slid at most [m]."""
+
+    words: str
+    at: float
+    slip: float
+
+
 def carried(
     carry: Carry,
     spoil: Callable[[Float64], Float64] | None = None,
     at: float = math.inf,
     told: bool = True,
-) -> tuple[str, float]:
-    """Return the problem that a carry ends with, empty without one, and when it came.
+) -> Found:
+    """Carry a fruit.
 
     Args:
         told: the grip knows the acceleration of the hand, as its joints show it.
@@ -126,10 +134,10 @@ def carried(
     def corrupt(n: int, t: float, wrenches: Float64) -> list[tuple[int, float, Float64]]:
         return [(n, t, spoil(wrenches) if spoil and since(t) >= at else wrenches)]
 
-    run_trial(
+    trial = run_trial(
         carry.fruit, settings_of(carry), lifting, NOISE, carry.seed, corrupt, MujocoGrasp, watch
     )
-    return found[0] if found else ("", math.nan)
+    return Found(*(found[0] if found else ("", math.nan)), trial.slip)
 
 
 def main() -> None:
@@ -144,12 +152,13 @@ def main() -> None:
     options = parser.parse_args()
     counted: Counter[str] = Counter()
     for carry in drawn(options.count, options.seed, options.brake):
-        words, at = carried(carry, told=not options.untold)
+        words, at, slip = carried(carry, told=not options.untold)
         counted[words.partition(":")[0] or "nothing"] += 1
         if words:
             a = carry.acceleration(at)
             print(f"{carry.seed}: {carry.speed:.2f}, brake {carry.brake:.1f}, a {a:+.1f} · {carry.direction.round(2)}, "
-                  f"{carry.fruit.mass:.2f} kg, {math.degrees(carry.tilt):.0f}°, {at:.2f} s: {words}")  # fmt: skip
+                  f"{carry.fruit.mass:.2f} kg, {math.degrees(carry.tilt):.0f}°, {at:.2f} s, "
+                  f"slid {1e3 * slip:.1f} mm: {words}")  # fmt: skip
     print(dict(counted))
 
 
