@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from enum import IntEnum
+from itertools import accumulate, pairwise, starmap
 
 import numpy as np
 
@@ -66,9 +67,10 @@ class RtdeRecipe:
     """The fields of a package, in their order. Raises Malformed: types that no controller has."""
 
     def __init__(self, names: Sequence[str], kinds: Sequence[str]) -> None:
-        self.names = tuple(names)
-        self._formats = [FORMATS[kind] for kind in kinds]
-        self._layout = struct.Struct(">B" + "".join(self._formats))
+        formats = [FORMATS[kind] for kind in kinds]
+        self._layout = struct.Struct(">B" + "".join(formats))
+        ends = accumulate((6 if form == "6d" else 1 for form in formats), initial=1)
+        self._parts = dict(zip(names, starmap(slice, pairwise(ends)), strict=True))
 
     def pack(self, number: int, values: Sequence[float]) -> bytes:
         """Return the body of a package; one value for each field."""
@@ -78,12 +80,8 @@ class RtdeRecipe:
         """Return the values of each field. Raises Malformed: the body has another length."""
         if len(body) != self._layout.size:
             raise Malformed(body, f"is no package of {self._layout.size} bytes")
-        values = iter(self._layout.unpack(body)[1:])
-        sizes = (6 if form == "6d" else 1 for form in self._formats)
-        return {
-            name: tuple(next(values) for _ in range(size))
-            for name, size in zip(self.names, sizes, strict=True)
-        }
+        values = self._layout.unpack(body)
+        return {name: values[part] for name, part in self._parts.items()}
 
 
 class RtdeSession:

@@ -95,12 +95,14 @@ class Body:
         now = self._clock.now()
         passed = now - self.track[-1][0] if self.track else STEP
         way = self._aimed() + self.pushed - self.q
-        quickest = self._freed + FREED * passed
         if self.is_held:
             self.qd = np.zeros_like(way)
             self.q = self.q + TREMOR * math.sin(len(self.track))
             self._freed = 0.0
-        elif np.abs(way).max() <= quickest * passed or math.isinf(self._freed):
+        elif (
+            math.isinf(self._freed)
+            or np.abs(way).max() <= (quickest := self._freed + FREED * passed) * passed
+        ):
             self.q, self.qd = self.q + way, self._speed
             self._freed = math.inf
         else:
@@ -187,11 +189,11 @@ class ArmBench(Bench):
             self.harms[kind].inject_fault(kind.rpartition(" ")[2])
         self.serve(seconds)
 
-    def path(self) -> Trajectory:
-        """Return a motion from where the arm is, along its way or back."""
+    def path(self, share: float = 1.0) -> Trajectory:
+        """Return a motion from where the arm is, along its way or back, or along a share of it."""
         self.start = self.body.q.copy()
         self.way = -self.way
-        way = -self.way
+        way = -share * self.way
         limits = self.limits
         needs = (
             (15.0 / 8.0 / limits.velocity, 1.0),
@@ -199,7 +201,7 @@ class ArmBench(Bench):
             (60.0 / limits.jerk, 3.0),
         )
         each = [(np.abs(way) * need / SHARE).max() ** (1.0 / power) for need, power in needs]
-        duration = max(LONG, *each)
+        duration = max(share * LONG, *each)
         x = np.linspace(0.0, 1.0, 201)[:, None]
         return Trajectory(
             x[:, 0] * duration,
@@ -208,9 +210,9 @@ class ArmBench(Bench):
             way * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2,
         )
 
-    def follow(self) -> Motion:
-        """Begin a motion."""
-        motion: Motion = self.device.follow(self.path())
+    def follow(self, share: float = 1.0) -> Motion:
+        """Begin a motion along its way or back, or along a share of it."""
+        motion: Motion = self.device.follow(self.path(share))
         return motion
 
     def begin(self, phase: str = "motion") -> Motion:
@@ -372,7 +374,7 @@ def a_problem_stops_the_arm(opened: Opened) -> None:
         said = bench.problem()
         require(not said, f"{words} acknowledged, it still says '{said}'")
         bench.rest(f"{words} acknowledged,", 0.0)
-        motion = bench.follow()
+        motion = bench.follow(SHORT)
         bench.finish(motion)
         state = motion.state
         require(state is MotionState.DONE, f"{words} acknowledged, a motion is {state.name}")
