@@ -10,6 +10,7 @@ from py_trees.common import Status
 from pomona.drivers.interfaces import Carrier, Hand, MotionState, Workspace
 from pomona.executive.skill import Failure, SkillFailure
 from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills import release as release_module
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.lines import STEP, straight_line
 from pomona.skills.release import BESIDE, Release
@@ -712,16 +713,20 @@ def test_without_a_force_sensor_an_interrupted_release_stays_held():
 class Parts(Release):
     """A release at mock devices, in a space that the test makes: `free` judges a width, or a path."""
 
-    def __init__(self, scene: PickingScene, free: Callable[[Any], Any]) -> None:
+    def __init__(
+        self, scene: PickingScene, free: Callable[[Any], Any], patch: pytest.MonkeyPatch
+    ) -> None:
         super().__init__()
         self.scene, self.free = scene, free
         self.asked: list[tuple[Any, ...]] = []
+        patch.setattr(release_module, "space_around", self._space)
 
     def device(self, kind: Any) -> Any:
         return self.scene.devices[kind]
 
-    def _space(self, *given: Any) -> Any:
-        self.asked.append(given)
+    def _space(self, skill: Any, *given: Any, held: Any = None) -> Any:
+        assert skill is self
+        self.asked.append((*given, held))
         world = SimpleNamespace(free=lambda way, _width: self.free(way))
         return SimpleNamespace(
             at_width=lambda width: SimpleNamespace(free=lambda _q: self.free(width)),
@@ -733,28 +738,31 @@ class Parts(Release):
 @pytest.mark.parametrize(
     ("widest", "opening"), [(1.0, 0.06), (0.059, 0.05), (0.049, 0.045), (0.0, 0.045)]
 )
-def test_the_fingers_open_as_far_as_touches_nothing(widest, opening):
-    part = Parts(PickingScene(width=0.04), lambda width: width <= widest)
+def test_the_fingers_open_as_far_as_touches_nothing(widest, opening, monkeypatch):
+    part = Parts(PickingScene(width=0.04), lambda width: width <= widest, monkeypatch)
     assert part._opening(None, 0.01) == pytest.approx(opening)
-    assert part.asked == [(None, 0.01)]
+    assert part.asked == [(None, 0.01, None)]
 
 
-def test_the_fingers_open_no_farther_than_they_can():
+def test_the_fingers_open_no_farther_than_they_can(monkeypatch):
     scene = PickingScene(width=0.095)
-    assert Parts(scene, lambda _width: True)._opening(None, 0.01) == scene.gripper.limits.width_max
+    assert (
+        Parts(scene, lambda _width: True, monkeypatch)._opening(None, 0.01)
+        == scene.gripper.limits.width_max
+    )
 
 
 @pytest.mark.parametrize("first", [0, 3, None])
-def test_the_first_posture_that_is_not_free_is_the_first_contact(first):
+def test_the_first_posture_that_is_not_free_is_the_first_contact(first, monkeypatch):
     way = np.arange(5)
-    part = Parts(PickingScene(), lambda way: way < (9 if first is None else first))
+    part = Parts(PickingScene(), lambda way: way < (9 if first is None else first), monkeypatch)
     assert part._met(way, "held", "map", 0.02) == first
     assert part.asked == [("map", 0.02, "held")]
 
 
-def test_the_slow_part_begins_so_far_above_the_first_contact():
+def test_the_slow_part_begins_so_far_above_the_first_contact(monkeypatch):
     scene = PickingScene()
-    part = Parts(scene, lambda _way: True)
+    part = Parts(scene, lambda _way: True, monkeypatch)
     line = straight_line(ROBOT_MODEL, OBSERVE, scene.tcp + np.pad([[-0.04]], ((2, 1), (3, 0))))
     heights = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in line.q])
     for met in (len(line.q) - 1, len(line.q) - 4):
@@ -773,10 +781,10 @@ def test_the_slow_part_begins_so_far_above_the_first_contact():
     ],
 )  # fmt: skip
 def test_fingers_that_are_blocked_after_they_have_released_the_fruit_are_no_failure(
-    code, opened, passes
+    code, opened, passes, monkeypatch
 ):
     scene = PickingScene(width=0.04)
-    part = Parts(scene, lambda _way: True)
+    part = Parts(scene, lambda _way: True, monkeypatch)
     asked = []
 
     def move_fingers(width, speed):
