@@ -740,16 +740,13 @@ class Parts(Release):
 )
 def test_the_fingers_open_as_far_as_touches_nothing(widest, opening, monkeypatch):
     part = Parts(PickingScene(width=0.04), lambda width: width <= widest, monkeypatch)
-    assert part._opening(None, 0.01) == pytest.approx(opening)
-    assert part.asked == [(None, 0.01, None)]
+    assert part._opening(part._space(part)) == pytest.approx(opening)
 
 
 def test_the_fingers_open_no_farther_than_they_can(monkeypatch):
     scene = PickingScene(width=0.095)
-    assert (
-        Parts(scene, lambda _width: True, monkeypatch)._opening(None, 0.01)
-        == scene.gripper.limits.width_max
-    )
+    part = Parts(scene, lambda _width: True, monkeypatch)
+    assert part._opening(part._space(part)) == scene.gripper.limits.width_max
 
 
 @pytest.mark.parametrize("first", [0, 3, None])

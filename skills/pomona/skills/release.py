@@ -178,7 +178,7 @@ class Release(PoseSkill):
             Leg(way[slow_from:], Manner(speed, *TOUCHING)),
         )
         yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
-        width = self._opening(map, clearance)
+        width = self._opening(space)
         if hold is not None:
             note_press(self, "the pads", hold.pressed, None if grasp is None else grasp.fruit)
         take_over(gripper)
@@ -192,8 +192,9 @@ class Release(PoseSkill):
             by = "width over a known support" if ends_on else "pads or wrist, a support carries it"
             opened = 1e3 * gripper.state().width
             self.account(PUT_AWAY, f"{by}; the fingers are open, {opened:.0f} mm")
-        way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-        yield from follow_way(self, way_up, RISING)
+        yield from follow_way(
+            self, vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED"), RISING
+        )
 
     def _not_held(self) -> Exception:
         """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
@@ -269,13 +270,14 @@ class Release(PoseSkill):
             if failed.failure.code != "MOTION_FAILED" or not released:
                 raise
 
-    def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
+    def _opening(self, space: ArmSpace) -> float:
         """Return the largest opening that touches nothing beside the fruit [m]."""
         gripper = self.device(Gripper)
-        q = self.device(Arm).state().q
         widths = [
             min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max)
             for part in (1, 2, 4)
         ]
-        space = space_around(self, map, clearance)
-        return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
+        return next(
+            (width for width in widths if space.at_width(width).free(self.device(Arm).state().q)),
+            widths[-1],
+        )

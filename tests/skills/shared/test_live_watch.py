@@ -94,7 +94,7 @@ def seen(stamp: float, **changed: Any) -> Any:
     return SimpleNamespace(**(given | changed))
 
 
-AHEAD = Ahead(False, False, 0.042, 0.7, (0.1, -0.2, 0.3), "forearm", 40)
+AHEAD = Ahead(False, False, 0.042, 0.7, (0.1, -0.2, 0.3), "forearm")
 
 
 def test_a_new_frame_is_looked_at_once_at_its_age_and_at_the_present_progress() -> None:

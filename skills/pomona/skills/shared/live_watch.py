@@ -165,8 +165,7 @@ class LiveWatch:
         for number, frame, T_base_camera in self._fresh():
             if frame.q is None:
                 oldest = max(oldest, self._skill.clock.now() - frame.stamp)
-                q = self._arm.state().q
-                seen.append(self._watch.standing(frame, T_base_camera, q, number))
+                seen.append(self._watch.standing(frame, T_base_camera, self._arm.state().q, number))
         slower = self._watch.slowed(np.concatenate(seen), oldest)
         if slower is not None:
             self._watch = self._watch.on(slower)
@@ -200,14 +199,12 @@ class LiveWatch:
         for number, frame, T_base_camera in self._fresh():
             if self._stamps.get(number) == frame.stamp:
                 continue
-            age = self._skill.clock.now() - frame.stamp
             self._stamps[number] = frame.stamp
-            q = self._posture(frame.stamp) if frame.q is None else frame.q
             ahead = self._watch.look(
                 frame,
                 T_base_camera,
-                q,
-                max(age, 0.0),
+                self._posture(frame.stamp) if frame.q is None else frame.q,
+                max(self._skill.clock.now() - frame.stamp, 0.0),
                 passed,
                 number,
             )
@@ -230,14 +227,11 @@ class LiveWatch:
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
         self._refuse_untrue(camera, frame)
-        there = spot(ahead.point)
+        what = "a moving object entered" if ahead.moved else "an unmapped object stands"
+        words = f"{what} at {spot(ahead.point)}"
         shown = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
-        words = "a moving object entered" if ahead.moved else "an unmapped object stands"
-        self._skill.publish(
-            "blocked",
-            SceneView(points=(shown,), caption=f"{words} at {there}"),
-        )
-        words += f" at {there}, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
+        self._skill.publish("blocked", SceneView(points=(shown,), caption=words))
+        words += f", {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
         self._watch.suspect(ahead.point)
         notice_of(self._skill.clock).why = words
         raise self._skill.failure(

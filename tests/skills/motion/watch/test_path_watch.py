@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings, strategies as st
+from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Box, Frame, PathWatchSettings, Trajectory, Workspace
 from pomona.drivers.path_motion import PathFollower
@@ -76,6 +77,20 @@ def test_goods_of_a_line_in_their_volume_stop_nothing_and_what_is_higher_does() 
         ball = (x, y, z + height, 0.05)
         told = looking.look(frame(0.03, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.3)
         assert (told is not None and told.stop) == stops
+
+
+def test_a_fruit_that_the_hand_has_let_go_is_known_where_it_lies() -> None:
+    ball = (*ROBOT_MODEL.tcp(OBSERVE)[:3, 3], 0.03)
+    round_tcp = 0.03 * np.vstack((np.eye(3), -np.eye(3)))
+    for shape, known in ((SHAPE.holding(round_tcp), True), (SHAPE, False)):
+        lowering = PathWatch(shape, PATH, SIA5F_LIMITS, 0.1, WORKSPACE)
+        rising = watch()
+        rising.inherit(lowering, states=True)
+        told = rising.look(frame(0.0, *robot_at(FAR), ball), T_BASE_CAMERA, FAR, 0.0, 0.0)
+        assert (told is None) is known
+        again = watch()
+        again.inherit(rising, states=True)  # and in each later motion
+        assert bool(again._known.sum() == rising._known.sum())
 
 
 def test_a_pose_that_may_not_be_written_is_not_compiled_for_once_more() -> None:
@@ -257,9 +272,8 @@ class IdealWatch(PathWatch):
 
     shown = np.zeros((3, 3))
 
-    def _new_cells(self, *_: object) -> int:
-        self._found[:3], self._moved[:3] = self.shown, True
-        return 3
+    def _new_cells(self, *_: object) -> tuple[Float64, NDArray[np.bool_]]:
+        return self.shown, np.ones(3, np.bool_)
 
 
 @pytest.mark.slow
@@ -336,9 +350,8 @@ def judged(
         asked.append((*begins, *[np.inf][len(begins) :], *ends, allowed, len(points)))
         return (0.02, 0.3, (1.0, 2.0, 3.0), "hand") if len(asked) - 1 == near else None
 
-    def new_cells(*_given: object) -> int:
-        looking._moved[: moved + standing] = [True] * moved + [False] * standing
-        return moved + standing
+    def new_cells(*_given: object) -> tuple[Float64, NDArray[np.bool_]]:
+        return np.zeros((moved + standing, 3)), np.array([True] * moved + [False] * standing, bool)
 
     monkeypatch.setattr(looking, "_nearest", nearest)
     monkeypatch.setattr(looking, "_new_cells", new_cells)
@@ -380,7 +393,7 @@ def test_the_most_urgent_object_is_told(
 ) -> None:
     asked, told = judged(monkeypatch, 3, 5, 0.0, 0.3, near)
     assert len(asked) == near + 1
-    assert told == Ahead(stop, moved, 0.02, 0.3, (1.0, 2.0, 3.0), "hand", 8)
+    assert told == Ahead(stop, moved, 0.02, 0.3, (1.0, 2.0, 3.0), "hand")
 
 
 @pytest.mark.parametrize("age", [0.0, 0.2])

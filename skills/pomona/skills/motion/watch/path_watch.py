@@ -77,7 +77,6 @@ class Ahead:
     after: float  # seconds until the robot is there, at the path's pace
     point: tuple[float, float, float]  # where it is, in the base frame [m]
     part: str  # the robot's part that would be the nearest
-    cells: int  # how many new cells the camera saw, near or not
 
 
 class PathWatch:
@@ -161,22 +160,19 @@ class PathWatch:
         Returns:
             the most urgent new object near the rest of the path, or None.
         """
-        new = self._new_cells(frame, T_base_camera, q, camera)
-        if new == 0:
+        points, moved = self._new_cells(frame, T_base_camera, q, camera)
+        if not len(points):
             return None
         how = self._how
-        points = self._found[:new]
-        moved = self._moved[:new]
         # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
         if np.count_nonzero(moved) < LEAST_MOVED:
-            moved = np.zeros(new, np.bool_)
+            moved = np.zeros_like(moved)
         # Without a stop now the arm begins to brake after the next frame at the earliest.
         waiting = FRAME_INTERVAL + how.delay
         stopping = (
             age + waiting + self._braking.time(min(path_time + waiting, float(self._times[-1])))
         )
-        first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
-        within = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
+        first, within = self._stretch(path_time, path_time + stopping)
         judged = (
             (True, True, points[moved], first, within, how.near + how.speed * stopping),
             (True, False, points[~moved], first, within, how.near),
@@ -186,18 +182,25 @@ class PathWatch:
             told = self._nearest(those, begin, end, allowed, path_time)
             if told is not None:
                 distance, after, point, part = told
-                return Ahead(stop, came, distance, after, point, part, new)
+                return Ahead(stop, came, distance, after, point, part)
         return None
 
     def standing(
         self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int = 0
     ) -> Float64:
         """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
-        return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
+        return self._new_cells(frame, T_base_camera, q, camera)[0].copy()
 
     def inherit(self, before: PathWatch, states: bool) -> None:
-        """Take over the known cells of an earlier motion's watch; with `states`, also what each camera saw there."""
+        """Take over the known cells of an earlier motion's watch; with `states`, also what each camera saw there.
+
+        A fruit that was held then and is no more lies where the hand is now.
+        """
         self._known |= before._known
+        held = len(self._shape.geom_names)
+        if held < len(before._shape.geom_names):
+            fruit = before._shape.spheres_of(held, self._Q[0], self.width)
+            mark_spheres(fruit, AROUND, self._origin, CELL, self._known)
         if states:
             self._states = before._states
 
@@ -210,17 +213,18 @@ class PathWatch:
 
     def entered(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> str:
         """Say what a frame shows that must not be there when the motion starts, empty if nothing: see `hidden`."""
-        new = self._new_cells(frame, T_base_camera, q, camera)
-        points = self._found[:new]
-        moved = self._moved[:new]
+        points, moved = self._new_cells(frame, T_base_camera, q, camera)
+        near = max(CLEAR, self._how.near)
+        words = "an unmapped object stands near the path"
         if np.count_nonzero(moved) >= LEAST_MOVED:
-            self.beside = self._nearest(points[moved], 0, 1, BESIDE, 0.0) is not None
-            return f"something has come in at {spot(points[moved][0])}"
-        told = self._nearest(points, 0, len(self._Q), max(CLEAR, self._how.near), 0.0)
+            points = points[moved]
+            near = np.inf
+            words = "something has come in"
+        told = self._nearest(points, 0, len(self._Q), near, 0.0)
         if told is None:
             return ""
         self.beside = self._nearest(points, 0, 1, BESIDE, 0.0) is not None
-        return f"an unmapped object stands at {spot(told[2])}, near the path"
+        return f"{words}, at {spot(told[2])}"
 
     def hidden(self, views: Sequence[tuple[Frame, Float64, Float64]]) -> str:
         """Say where the robot would pass through a volume that none of the newest frames shows; empty if nowhere.
@@ -293,20 +297,22 @@ class PathWatch:
         way = UNNOTICED if has_begun else max(UNNOTICED, how.speed * age)
         for pace in PACES:
             stopping = FRAME_INTERVAL + how.delay + self._braking.time(path_time, pace)
-            first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
-            last = max(
-                int(np.searchsorted(self._times, path_time + pace * stopping)) + 1, first + 1
-            )
-            if (
-                self._nearest(points, first, last, how.near + way + how.speed * stopping, path_time)
-                is None
-            ):
+            stretch = self._stretch(path_time, path_time + pace * stopping)
+            near = how.near + way + how.speed * stopping
+            if self._nearest(points, *stretch, near, path_time) is None:
                 break
         return pace
 
-    def _new_cells(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> int:
+    def _stretch(self, begin: float, end: float) -> tuple[int, int]:
+        """Return the posture at a time of the path or before it, and the one after those until another [s]."""
+        first = max(int(np.searchsorted(self._times, begin, side="right")) - 1, 0)
+        return first, max(int(np.searchsorted(self._times, end)) + 1, first + 1)
+
+    def _new_cells(
+        self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int
+    ) -> tuple[Float64, NDArray[np.bool_]]:
         if frame.depth is None:
-            return 0
+            return self._found[:0], self._moved[:0]
         lens = frame.intrinsics
         errs = frame.depth_model
         # an image with more columns than this is looked at in every second pixel each way
@@ -326,7 +332,7 @@ class PathWatch:
         # of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face
         noise = Noise(self._lowest + SURE * errs.floor, spread, 1e-4)
         new: int = see(depth, view, cells, noise, self._found, self._moved)
-        return new
+        return self._found[:new], self._moved[:new]
 
     def _nearest(
         self, points: Float64, first: int, last: int, allowed: float, path_time: float
@@ -392,11 +398,10 @@ def _at_paces(path: Trajectory, times: Float64, paces: Float64, window: float) -
     lowest = ndimage.minimum_filter1d(
         wanted, 2 * half + 1, mode="nearest"
     )  # so the means are slow enough everywhere
-    smooth = ndimage.uniform_filter1d(
-        ndimage.uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest"
-    )
-    rate = np.interp(path.t, grid, smooth)
-    change = np.interp(path.t, grid, np.gradient(smooth, PERIOD))
+    for _ in range(2):
+        lowest = ndimage.uniform_filter1d(lowest, half + 1, mode="nearest")
+    rate = np.interp(path.t, grid, lowest)
+    change = np.interp(path.t, grid, np.gradient(lowest, PERIOD))
     t = np.append(0.0, np.cumsum(np.diff(path.t) * 0.5 * (1.0 / rate[1:] + 1.0 / rate[:-1])))
     rates = rate[:, None]
     return Trajectory(
