@@ -17,11 +17,16 @@ WITH_THEIR_MODULE = {"Condition", "Ports", "Words"}
 SKILL_AND_VALUE = {"Grasp"}
 """A skill that no module but the registry imports, and the value of the ports of that name."""
 
+ALONE = {"emulators", "laboratory_emulators", "conformance"}
+"""They import nothing of what they judge, so their words are their own."""
+
 
 def test_a_public_class_has_a_name_of_its_own() -> None:
     places: dict[str, list[str]] = defaultdict(list)
     for package in ("executive", "skills", "drivers", "benchmarks"):
         for path in sorted((ROOT / package).rglob("*.py")):
+            if ALONE & set(path.parts):
+                continue
             text = path.read_text("utf-8")
             for node in ast.parse(text).body if "class " in text else ():
                 if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):

@@ -186,7 +186,7 @@ class XArmEmulator(EmulatedArm):
         )
 
     def answer(self, register: int, body: bytes) -> bytes:
-        """Carry a request out, and return the parameters of its answer."""
+        """Carry a request out, and return the parameters of its answer. Raises IndexError: it is not emulated."""
         orders: dict[int, Callable[[], None]] = {
             11: lambda: setattr(self, "enabled", bool(body[1]) and not self.pressed),
             12: lambda: self.set_state(body[0]),

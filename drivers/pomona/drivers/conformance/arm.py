@@ -79,7 +79,7 @@ class Body:
         self._aimed: Callable[[], Float64] = aimed or (lambda: self._set_point)
 
     def measured(self) -> tuple[Float64, Float64]:
-        """Return the true joints and their speeds, as the controller behind them knows them."""
+        """Return the true joints and their speeds, (dof,) each, as the controller behind them knows them."""
         return self.q.copy(), self.qd.copy()
 
     def drive(self, q: Float64, qd: Float64) -> None:
@@ -87,7 +87,7 @@ class Body:
         self._set_point, self._speed = q.copy(), qd.copy()
 
     def told(self, _q: Float64 | None = None) -> Float64:
-        """Return what is reported."""
+        """Return the joints that are reported, shape (dof,)."""
         return self.says(self.q.copy())
 
     def advance(self, _now: float = 0.0) -> None:

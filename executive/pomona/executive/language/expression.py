@@ -112,7 +112,7 @@ class Binary(_Written):
 
 
 @dataclass(frozen=True, slots=True)
-class Call(_Written):
+class FunctionCall(_Written):
     """`function(arguments)`."""
 
     function: str
@@ -123,7 +123,7 @@ class Call(_Written):
         return self.arguments
 
 
-Expression = Constant | Reference | Member | Index | Items | Unary | Binary | Call
+Expression = Constant | Reference | Member | Index | Items | Unary | Binary | FunctionCall
 """A node of the syntax tree. Functions that distinguish them end with `assert_never`, so mypy finds omissions."""
 
 
@@ -398,7 +398,7 @@ class _Parser:
                 raise ExpressionSyntaxError(message, token.offset, len(token.text))
             self.take()
             arguments, end = self.listed(")", f"after the arguments of {token.text}")
-            return Call(token.offset, end, token.text, arguments)
+            return FunctionCall(token.offset, end, token.text, arguments)
         if token.text in SPECIAL:
             return Reference(token.offset, token.end, token.text)
         return Constant(token.offset, token.end, token.text, symbol=True)

@@ -18,9 +18,9 @@ from typing import Any, assert_never
 from pomona.executive.language.expression import (
     SPECIAL,
     Binary,
-    Call,
     Constant,
     Expression,
+    FunctionCall,
     Index,
     Items,
     Member,
@@ -85,7 +85,7 @@ def compile_expression(expression: Expression, names: GetterOf) -> Getter:
             return lambda: not operand()
         case Unary():
             return _negated(compile_expression(expression.operand, names))
-        case Call():
+        case FunctionCall():
             function = _FUNCTIONS[expression.function]
             arguments = [compile_expression(argument, names) for argument in expression.arguments]
             return _guarded(lambda: _bounded_number(function(*(get() for get in arguments))))
@@ -298,7 +298,7 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
             return _comparison(expression, wanted, known)
         case Reference() | Member() | Index():
             return ({said(expression): Possible(among=frozenset({wanted}))},)
-        case Constant() | Items() | Unary() | Binary() | Call():
+        case Constant() | Items() | Unary() | Binary() | FunctionCall():
             value = _fold(expression, known)
             return () if value is (not wanted) else _ANYTHING
         case _:
@@ -345,7 +345,7 @@ def _possible(operator: str, value: object) -> Possible | None:
 
 def _natural(about: Expression) -> Possible:
     """Return all values that the subject can have."""
-    counts = isinstance(about, Call) and about.function in ("len", "abs")
+    counts = isinstance(about, FunctionCall) and about.function in ("len", "abs")
     return Possible(low=0.0) if counts else Possible(low=-math.inf)
 
 
@@ -386,7 +386,7 @@ def said(expression: Expression) -> str:
             return f"({said(expression.left)} {expression.operator} {said(expression.right)})"
         case Items():
             return f"[{', '.join(map(said, expression.items))}]"
-        case Call():
+        case FunctionCall():
             return f"{expression.function}({', '.join(map(said, expression.arguments))})"
         case _:
             assert_never(expression)

@@ -8,9 +8,9 @@ from typing import Protocol, assert_never
 
 from pomona.executive.language.expression import (
     Binary,
-    Call,
     Constant,
     Expression,
+    FunctionCall,
     Index,
     Items,
     Member,
@@ -76,7 +76,7 @@ def type_of(expression: Expression, scope: TypeScope) -> ValueType:
             return _require_number(expression.operand, scope, "'-'")
         case Binary():
             return _binary(expression, scope)
-        case Call():
+        case FunctionCall():
             return _call(expression, scope)
         case _:
             assert_never(expression)
@@ -314,7 +314,7 @@ def _check_symbols(
             scope.report(word, "removed" if renamed else "unknown-code", message, hint)
 
 
-def _call(expression: Call, scope: TypeScope) -> ValueType:
+def _call(expression: FunctionCall, scope: TypeScope) -> ValueType:
     arguments = [type_of(argument, scope) for argument in expression.arguments]
     if expression.function in ("abs", "len") and len(arguments) != 1:
         scope.report(

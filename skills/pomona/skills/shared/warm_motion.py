@@ -22,7 +22,7 @@ from pomona.skills.motion.robot import RobotModel
 
 @lru_cache(maxsize=8)
 def warm_checks(description: Path) -> tuple[RobotModel, Float64, ArmSpace, ArmLimits]:
-    """Compile what skills compute in this process; once for each robot. Return what it was tried with."""
+    """Compile what skills compute in this process; once for each robot. Return what it was tried with: joints (dof,)."""
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
