@@ -74,3 +74,29 @@ def test_the_name_of_a_limit_is_written_whole(show: Show, open_page: Callable[..
         == []
     )
     GATE.set()
+
+
+SHOWN = "() => [...document.querySelectorAll('.keys b')].map((b) => [b.textContent, b.className])"
+LOOKS = "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n"
+
+
+def test_a_value_of_now_is_bold_and_none_is_when_the_run_has_ended(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    page = open_page()
+    show.run(LOOKS + "    - Hold: {}\n")
+    page.wait_for_selector(".keys b")
+    GATE.set()
+    page.wait_for_function("() => document.querySelectorAll('.keys b.old').length === 2")
+    assert all("ago" not in text for text, _ in page.evaluate(SHOWN))
+
+
+def test_a_value_that_is_a_second_old_is_grey_with_its_age(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    page = open_page()
+    show.run(LOOKS + "    - Rest: {duration: 1.5 s}\n    - Hold: {}\n")
+    page.wait_for_selector(".keys b:not(.old)")
+    page.wait_for_function("() => document.querySelectorAll('.keys b.old').length === 2")
+    assert all(text.endswith(" s ago") for text, _ in page.evaluate(SHOWN))
+    GATE.set()

@@ -74,7 +74,7 @@ def open_page(chromium: Any) -> Iterator[Callable[..., Any]]:
     contexts = []
 
     def open_one(editor: TreeEditor, **settings: Any) -> Any:
-        if not editor.serves:
+        if editor._service.server is None:
             editor.start()
         context = chromium.new_context(**{"viewport": {"width": 1280, "height": 800}, **settings})
         contexts.append(context)

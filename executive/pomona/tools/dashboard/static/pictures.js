@@ -73,7 +73,7 @@ const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const low = matchMedia("(max-height: 860px) and (min-width: 1241px)"); // the curves stand beside the lanes
 const tablet = matchMedia("(min-width: 721px) and (max-width: 900px)"); // a table follows them
 const height = () => (low.matches ? 73 : innerHeight <= 800 || tablet.matches ? 96 : 132);
-const NARROW = 150; // px, width of a chart that leaves less room to the numbers of its axis
+const LIVE = new Set(["running", "pausing", "paused"]), OLD = 1, NARROW = 150; // s, age from which on a value is an old one; px, width of a chart that leaves less room to the numbers of its axis
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of
@@ -126,7 +126,7 @@ export class PlotsView {
   update(state, at, end, over = null, ahead = null) {
     this.marks = state.marks.filter((mark) => mark.kind !== "state");
     const marks = this.marks.length;
-    Object.assign(this, { end, at, follows: Boolean(ahead) });
+    Object.assign(this, { end, at, follows: Boolean(ahead), now: at ?? state.t, alive: at !== null || LIVE.has(state.state) });
     this.page = this.range(this.follows);
     const [from, to] = this.page, shown = ahead ? ahead[0](to) : state.series, others = ahead?.[1] ? ahead[1](to) : over?.series;
     const wanted = new Set();
@@ -180,13 +180,13 @@ export class PlotsView {
     }
   }
 
-  // Each quantity's value under the cursor, else at the moment that is shown.
+  // Each quantity's value under the cursor, else at the moment that is shown: grey with its age when it is old, grey when the run has ended.
   tell(chart) {
     const { plot, values, names, both } = chart;
     const last = plot.data[0].length - 1;
     const index = plot.cursor.idx ?? (this.at === null ? last : lowerBound(plot.data[0], this.at + 1e-6) - 1);
-    const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return plot.data[column][i]; }; // at times of the other run
-    values.forEach((element, i) => { const over = both.indexOf(names[i]); put(element, figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`)); });
+    const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return [plot.data[column][i], this.now - plot.data[0][i]]; }; // at times of the other run
+    values.forEach((element, i) => { const over = both.indexOf(names[i]), [value, age] = known(i + 1), old = plot.cursor.idx === null && age > OLD; put(element, figure(value) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over)[0])}`) + (old ? ` · ${seconds(age)} ago` : "")); element.className = old || !this.alive ? "old" : ""; });
   }
 
   // Times and values of the shown part; two runs share the time since their starts.
