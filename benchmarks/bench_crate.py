@@ -100,7 +100,6 @@ def clear(kind: str, seed: int, settings: Mapping[str, str]) -> dict[str, Any]:
         "bruised": truth["bruised"],
         "largest_press": truth["largest_press"],
         "touched": truth["collided_with"],
-        "pushed_n": truth["pushed_n"],
         "finger_peak_n": truth["finger_peak_n"],
         "manoeuvres": dict(counter.starts),
         "failures": dict(counter.failures),

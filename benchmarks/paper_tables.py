@@ -8,7 +8,6 @@ import numpy as np
 
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
-from pomona.skills.grip.limit_surface import pressure
 from pomona.tools.library.campaign.document import Paragraph, Table
 from pomona.tools.library.campaign.report import numbers, rate
 from pomona.tools.library.campaign.statistics import Estimate, mean, median
@@ -193,12 +192,12 @@ def force(cells: Cells) -> list[Table | Paragraph]:
     rows = []
     for name, fruit in (*zip(APPLES, FRUITS, strict=True), ("All", None)):
         runs = [run for run in good if fruit is None or run["varied"]["fruit"] == fruit]
-        kpa = [1e-3 * pressure(force) for force in numbers(runs, cells.truth("finger_peak_n"))]
+        presses = numbers(runs, cells.truth("largest_press"))
         figures = [
             numbers(runs, cells.truth(key))
             for key in ("hold_force_n", "hold_ratio", "end_ratio", "slip_mm")
         ]
-        peak = f"{max(kpa):.0f}" if kpa else "–"
+        peak = f"{max(presses):.2f}" if presses else "–"
         rows.append(
             (name, *(_interval(median(values), 2) for values in figures), peak, str(len(runs)))
         )
@@ -208,7 +207,7 @@ def force(cells: Cells) -> list[Table | Paragraph]:
         "force / least",
         "at the end",
         "slip [mm]",
-        "highest pressure [kPa]",
+        "largest press",
         "picks",
     )
     return [
@@ -219,9 +218,9 @@ def force(cells: Cells) -> list[Table | Paragraph]:
         ),
         Paragraph(
             "Force: normal force of both fingers, its median while the fruit hangs free. Least: what the limit surface "
-            "of the simulator's pads needs for the load of the same moment. Pressure: in the middle of a soft finger's "
-            "contact of radius 4.353 mm · f^0.2569, as its authors measured it, at one finger's highest force; apples "
-            "do not bruise below 0.10 MPa (Processes 2024, 12, 543).",
+            "of the simulator's pads needs for the load of the same moment. Largest press: of anything that touches the "
+            "fruit, over the force with which Hertz's contact has 100 kPa; apples do not bruise below (Processes 2024, 12, "
+            "543).",
             note=True,
         ),
     ]

@@ -12,6 +12,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceLost
+from pomona.drivers.fruit_body import bruising_force
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Pads, WrenchSample
 from pomona.executive.encode import plain
 from pomona.executive.errors import NotOwnerError
@@ -21,7 +22,6 @@ from pomona.executive.views import SeriesView
 from pomona.skills.grip.closing import PickTouches, skin_along
 from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold, current_hold, take_over
-from pomona.skills.grip.limit_surface import bruising_force
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
@@ -164,7 +164,7 @@ def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
         largest = max(largest, hold.reading.f_n)
         if hold.problem is not None and hold.problem.code == "FORCE_LIMIT":
             limits.add(round(hold.problem.data["limit_n"], 2))
-    assert 8.0 < largest < 2.0 * bruising_force(0.031) < 10.0
+    assert 8.0 < largest < 2.0 * bruising_force(100e3, 0.031) < 10.0
     assert limits == {8.94}
 
 

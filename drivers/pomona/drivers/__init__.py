@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
     )
+    from pomona.drivers.fruit_body import HARD_MODULUS as HARD_MODULUS
     from pomona.drivers.gripper_supervisor import (
         GripperMotion as GripperMotion,
         GripperSupervision as GripperSupervision,
@@ -167,6 +168,7 @@ PUBLIC = {
         "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable MotionRefused "
         "StopFailed UnusableMesh UnusableRobotFile"
     ),
+    "fruit_body": "HARD_MODULUS",
     "gripper_supervisor": "GripperMotion GripperSupervision GripperSupervisor allowed_speed require_move",
     "hold_watch": "HandMemory HandRecord may_hold",
     "interfaces": (

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
     from pomona.skills.shared.grasp_view import fruit_mesh as fruit_mesh, summary as summary
     from pomona.skills.shared.held_fruit import (
+        bruising as bruising,
         grip_settings as grip_settings,
         show_grip as show_grip,
     )
@@ -55,7 +56,7 @@ PUBLIC = {
     "shared.following": "MOTION_FAILURES MovingSkill",
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
-    "shared.held_fruit": "grip_settings show_grip",
+    "shared.held_fruit": "bruising grip_settings show_grip",
     "shared.live_watch": "KnownAround LiveWatch ask_operator prepare_watch watched",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",

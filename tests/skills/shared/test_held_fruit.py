@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pomona.drivers.fruit_body import UNKNOWN_PRESSURE, bruising_force
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hand, PressSensor
-from pomona.skills.grip.limit_surface import bruising_force
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.shared import held_fruit
 from pomona.skills.shared.held_fruit import (
@@ -116,8 +116,12 @@ def test_the_expected_load_is_the_weight_and_twice_its_doubt_lifted_by_a_tenth_o
 
 def test_two_fingers_press_twice_as_hard_as_bruises_by_one_less_a_tenth() -> None:
     fruit = apple_at(1, 3)
-    assert bearable_force(fruit) == pytest.approx(0.9 * 2.0 * bruising_force(0.0445))
-    assert bearable_force(None) == pytest.approx(1.8 * bruising_force(0.5 * LARGE))
+    assert bearable_force(fruit) == pytest.approx(
+        0.9 * 2.0 * bruising_force(fruit.fruit.pressure, 0.0445)
+    )
+    assert bearable_force(None) == pytest.approx(
+        1.8 * bruising_force(UNKNOWN_PRESSURE, 0.5 * LARGE)
+    )
 
 
 def hold_with(waiting: float, code: str = "") -> Any:

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.tools.simulation.bruises import FruitPress as FruitPress
+    from pomona.tools.simulation.bruises import (
+        Press as Press,
+        Presses as Presses,
+        press_figures as press_figures,
+    )
     from pomona.tools.simulation.camera import SimCamera as SimCamera
     from pomona.tools.simulation.fruit_shape import (
         APPLES as APPLES,
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from pomona.tools.simulation.scene import (
         TABLE_FRICTION as TABLE_FRICTION,
         TIMESTEP as TIMESTEP,
+        add_contact_sensors as add_contact_sensors,
         add_fixed as add_fixed,
         add_fruit as add_fruit,
         add_lights as add_lights,
@@ -46,15 +51,15 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "bruises": "FruitPress",
+    "bruises": "Press Presses press_figures",
     "camera": "SimCamera",
     "fruit_shape": "APPLES FruitShape make_fruit",
     "gl": "load_mujoco",
     "intruder": "IntruderSection add_intruder",
     "layout": "CellFruitSection FRICTION FruitOnTable PADS read_robot",
     "scene": (
-        "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "
-        "standing_pose"
+        "TABLE_FRICTION TIMESTEP add_contact_sensors add_fixed add_fruit add_lights add_material container_of "
+        "quaternion set_physics standing_pose"
     ),
     "world": "FaultyDevice PhysicsWorld SimWorld",
 }

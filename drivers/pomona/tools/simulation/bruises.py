@@ -1,53 +1,82 @@
-"""Forces on a simulated fruit beside those that bruise an apple, by Hertz's contact of a ball."""
+"""Presses on simulated fruit by all that touches it, beside the force that bruises."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-BRUISE_PRESSURE = 0.10e6
-"""Largest static pressure of a contact that bruises no apple [Pa]; the flesh fails at 0.29 MPa (ifoodmm 31(5)48)."""
+from pomona.drivers.fruit_body import HARD_MODULUS, PAD_MODULUS, bruising_force
+from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.layout import PADS
 
-BRUISE_TIME = 0.05
-"""Time over which forces are averaged [s]: shorter peaks are those of the engine's solver, not of fruit."""
+BRUISE_LOOKS = 5
+"""Looks over which a force is averaged, 50 ms: shorter peaks are those of the engine's solver, not of fruit."""
 
-PAD_MODULUS = 1.0e6
-"""Modulus of the contact with a pad [Pa], assumed: 8 N on a fruit of 76 mm give the pressure above."""
-
-HARD_MODULUS = 1.5e6
-"""Modulus of the contact with anything hard [Pa], assumed: half of the flesh's 3 MPa."""
+Press = tuple[float, str]
+"""Ratio of a force on a fruit to the one that bruises it, and the words for both bodies."""
 
 
-@dataclass(slots=True)
-class FruitPress:
-    """Mean forces on one fruit, and how near they have come to a bruise.
+class Presses:
+    """Watches each contact of the bodies fruit_0, fruit_1, … with another geometry, at 100 Hz.
 
     Attributes:
-        pad, beside: mean force of the harder pad, and of everything else [N].
-        largest: largest ratio of such a force to the force that bruises.
+        largest: of each fruit.
+        forces: on each fruit by each geometry in the last look, shape (n + 1, m, 3) [N]; the last row is on no fruit.
     """
 
-    pad: float = 0.0
-    beside: float = 0.0
-    largest: float = 0.0
-
-    def add(self, pad: float, beside: float, radius: float, elapsed: float) -> None:
-        """Add the forces [N] on a fruit of this radius [m], `elapsed` [s] after the last ones."""
-        weight = elapsed / BRUISE_TIME
-        self.pad += weight * (pad - self.pad)
-        self.beside += weight * (beside - self.beside)
-        self.largest = max(
-            self.largest,
-            self.pad / bruising_force(radius, PAD_MODULUS),
-            self.beside / bruising_force(radius, HARD_MODULUS),
+    def __init__(self, built: Any, state: Any) -> None:
+        """Begin with a model and its `fruits` and `shapes`."""
+        self._state = state
+        self._fruits = [fruit.name for fruit in built.fruits]
+        self.largest: list[Press] = [(0.0, "")] * len(self._fruits)
+        geoms = [built.model.geom(i) for i in range(built.model.ngeom)]
+        bodies = [built.model.body(int(geom.bodyid[0])).name for geom in geoms]
+        names = {f"fruit_{i}": name for i, name in enumerate(self._fruits)}
+        self._number = np.array([[*names, body].index(body) for body in bodies])
+        self._names = [
+            geom.name if geom.name in PADS else names.get(body, body.removeprefix("fixed_"))
+            for geom, body in zip(geoms, bodies, strict=True)
+        ]
+        moduli = [PAD_MODULUS if name in PADS else HARD_MODULUS for name in self._names]
+        self._limits = np.array(
+            [
+                [bruising_force(shape.pressure, shape.dimensions[0] / 2.0, each) for each in moduli]
+                for shape in built.shapes
+            ]
         )
+        self._mean = np.zeros_like(self._limits)
+        self.forces = np.zeros((len(self._fruits) + 1, len(geoms), 3))
+        self._of = {
+            name: [i for i, each in enumerate(self._names) if each == name] for name in self._names
+        }
+
+    def force(self, i: int, name: str) -> Float64:
+        """Return the force on a fruit by all geometries of a name, shape (3,) [N]."""
+        force: Float64 = self.forces[i, self._of[name]].sum(axis=0)
+        return force
+
+    def watch(self) -> None:
+        """Look at the contacts of this moment."""
+        contact = self._state.contact
+        acts = contact.efc_address >= 0
+        # of an elliptic cone: normal force first, then friction, in the contact's own frame
+        own = self._state.efc_force[contact.efc_address[acts, None] + np.arange(3)]
+        force = np.einsum("ci,cij->cj", own, contact.frame[acts].reshape(-1, 3, 3))
+        self.forces[:] = 0.0
+        for pressed, other in contact.geom[acts].T, contact.geom[acts, ::-1].T:
+            np.add.at(self.forces, (self._number[pressed], other), force)
+        self._mean += (np.linalg.norm(self.forces[:-1], axis=2) - self._mean) / BRUISE_LOOKS
+        ratios = self._mean / self._limits
+        for i, name in enumerate(self._fruits):
+            by = int(ratios[i].argmax())
+            press = float(ratios[i, by]), f"{name} by {self._names[by]}"
+            self.largest[i] = max(self.largest[i], press)
 
 
-def bruising_force(radius: float, modulus: float) -> float:
-    """Return the force at which a ball of this radius [m] has the bruising pressure in its contact [N].
-
-    Args:
-        modulus: of the contact, 1 / ((1-ν₁²)/E₁ + (1-ν₂²)/E₂) [Pa].
-    """
-    return float(np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2))
+def press_figures(presses: Sequence[Press]) -> dict[str, object]:
+    """Return how many fruits are bruised, and the largest press, for a score."""
+    largest, words = max(presses, default=(0.0, ""))
+    bruised = sum(ratio > 1.0 for ratio, _ in presses)
+    return {"bruised": bruised, "largest_press": largest, "pressed": words}

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.drivers.fruit_body import FruitBody
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings, place_of
-from pomona.executive.values.kinds import PathTo
 from pomona.executive.values.later import Later
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
-from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.sections import Problem, Section
 from pomona.executive.values.yaml_nodes import Refused
 
 cv2: Any = Later("cv2")
@@ -44,18 +44,16 @@ class UnusableModel(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitMeshes:
-    """Flesh and stem in the object frame: vertices (n, 3) [m] and faces (m, 3) each."""
+    """Flesh and stem in the object frame: vertices (n, 3) [m] and faces (m, 3) each; the pressure that it bears [Pa]."""
 
     flesh: tuple[Float64, Faces]
     stem: tuple[Float64, Faces] | None
+    pressure: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _ModelSection:
-    """The meshes that a fruit.yaml names."""
-
-    mesh: Path = value(PathTo("file"), help="the flesh")
-    stem: Path | None = value(PathTo("file"), None, "the stem")
+class _ModelSection(FruitBody):
+    """What the simulated world reads of a fruit.yaml."""
 
     def problems(self) -> Iterator[Problem]:
         for key, path in (("mesh", self.mesh), ("stem", self.stem)):
@@ -82,7 +80,7 @@ def read_model(folder: Path) -> FruitMeshes:
         first = findings.sorted()[0]
         raise UnusableModel(f"{place_of(first)}: {first.message}")
     stem = None if said.stem is None else _load(said.stem, said.stem.stat().st_mtime_ns)
-    return FruitMeshes(_load(said.mesh, said.mesh.stat().st_mtime_ns), stem)
+    return FruitMeshes(_load(said.mesh, said.mesh.stat().st_mtime_ns), stem, said.pressure)
 
 
 @lru_cache(maxsize=16)
@@ -124,6 +122,7 @@ class FruitShape:
     stem: (
         tuple[Float64, NDArray[np.int32]] | None
     )  # vertices (k, 3) [m] and faces of the stem, or None
+    pressure: float  # that it bears [Pa]
 
 
 def make_fruit(
@@ -144,7 +143,8 @@ def make_fruit(
     if meshes.stem is not None:
         stem = (meshes.stem[0] * scale, meshes.stem[1])
     vertices, faces, uv = _unwrap(fitted, triangles)
-    return FruitShape(vertices, faces, uv, dimensions.copy(), _paint(skin, rng), stem)
+    painted = _paint(skin, rng)
+    return FruitShape(vertices, faces, uv, dimensions.copy(), painted, stem, meshes.pressure)
 
 
 def _deform(vertices: Float64, rng: np.random.Generator, shape_noise: float) -> Float64:

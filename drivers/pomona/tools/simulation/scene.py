@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,7 +76,10 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
-    _add_contact_sensors(mujoco, spec, layout)
+    numbered = {"fruit": layout.fruits, "distractor": layout.distractors}
+    touched = [f"{kind}_{i}" for kind, all_ in numbered.items() for i in range(len(all_))]
+    fixed_bodies = [f"fixed_{name}" for name in fixed_names(layout.fixed)]
+    add_contact_sensors(mujoco, spec, ["table", *fixed_bodies, *touched], {})
     if layout.intruder is not None:
         add_intruder(mujoco, spec)
     model = spec.compile()
@@ -285,51 +289,38 @@ def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
     return ""
 
 
-def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
-    """Add net contact sensors, summed by the engine: pads with all, fruit with its support, the robot with others."""
-    geom = mujoco.mjtObj.mjOBJ_GEOM
-    body = mujoco.mjtObj.mjOBJ_BODY
-    subtree = mujoco.mjtObj.mjOBJ_XBODY
-    force = 2
-    torque = 4
-    found = 1
-    pos = 16
-    net = 3  # reduce: one wrench for all contacts, in the global frame
-    of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
-    arm = next(
-        joint.parent.name for joint in spec.joints if joint.name in of_arm
-    )  # joints come from base to tool
+def add_contact_sensors(
+    mujoco: Any, spec: Any, touched: Sequence[str], others: Mapping[str, tuple[str, str]]
+) -> None:
+    """Add net contact sensors, summed by the engine: pads with all, the robot with itself and with bodies.
 
-    def sensor(name: str, kind: Any, first: str, other_kind: Any, other: str, fields: int) -> None:
-        unknown = mujoco.mjtObj.mjOBJ_UNKNOWN
+    Args:
+        touched: names of those bodies.
+        others: two bodies or pads, by the name of a further sensor.
+    """
+    of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
+    # joints come from base to tool
+    arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)
+    kind = mujoco.mjtObj
+    kinds = {arm: kind.mjOBJ_XBODY, **dict.fromkeys(PADS, kind.mjOBJ_GEOM), "": kind.mjOBJ_UNKNOWN}
+    pairs = {
+        **{f"wrench_{pad}": (pad, "") for pad in PADS},
+        **{f"robot_{body}": (arm, body) for body in touched},
+        "robot_robot": (arm, arm),
+        **others,
+    }
+    for name, (first, other) in pairs.items():
+        # found and force, or force, torque and place; one wrench for all contacts, in the global frame
+        fields = 3 if other else 22
         spec.add_sensor(
             name=name,
             type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=kind,
+            objtype=kinds.get(first, kind.mjOBJ_BODY),
             objname=first,
-            reftype=other_kind if other else unknown,
+            reftype=kinds.get(other, kind.mjOBJ_BODY),
             refname=other,
-            intprm=[fields, net, 1],
+            intprm=[fields, 3, 1],
         )
-
-    for pad in PADS:
-        sensor(f"wrench_{pad}", geom, pad, None, "", force | torque | pos)
-    fruits = range(len(layout.fruits))
-    fixed = fixed_names(layout.fixed)
-    for i in fruits:
-        sensor(f"support_{i}_table", body, f"fruit_{i}", body, "table", found | force)
-        for name in fixed:
-            sensor(f"support_{i}_{name}", body, f"fruit_{i}", body, f"fixed_{name}", found | force)
-    sensor("robot_table", subtree, arm, body, "table", found | force)
-    for name in fixed:
-        sensor(f"robot_fixed_{name}", subtree, arm, body, f"fixed_{name}", found | force)
-    for i in fruits:
-        sensor(f"robot_fruit_{i}", subtree, arm, body, f"fruit_{i}", found | force)
-        for pad in PADS:
-            sensor(f"{pad}_fruit_{i}", geom, pad, body, f"fruit_{i}", found | force)
-    for i in range(len(layout.distractors)):
-        sensor(f"robot_distractor_{i}", subtree, arm, body, f"distractor_{i}", found | force)
-    sensor("robot_robot", subtree, arm, subtree, arm, found | force)
 
 
 def standing_pose(fruit: FruitOnTable, height: float) -> Float64:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.simulation.bruises import FruitPress
+from pomona.tools.simulation.bruises import Presses, press_figures
 from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.scene import SimScene, container_of, fixed_names
 
@@ -94,7 +95,6 @@ class FruitRecord:
     lost: int = 0
     touches: int = 0
     bumps: int = 0
-    press: FruitPress = field(default_factory=FruitPress)
     touching: bool = False
 
     def end_grip(self) -> None:
@@ -109,48 +109,28 @@ class FruitRecord:
 
 
 @dataclass(slots=True)
-class _Sensors:
-    """Live views of the engine's contact sensors for one fruit."""
-
-    support: tuple[Float64, ...]
-    robot: Float64
-    pads: tuple[Float64, ...]
-
-    @property
-    def supported(self) -> bool:
-        return any(view[0] > 0.0 for view in self.support)
-
-
-@dataclass(slots=True)
 class Scorer:
     """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
 
     scene: SimScene
     state: Any
     _fruits: list[FruitRecord] = field(init=False)
-    _sensors: list[_Sensors] = field(init=False)
+    _robot: list[Float64] = field(init=False)
+    _carriers: tuple[str, ...] = field(init=False)
     _hits: dict[str, int] = field(init=False, default_factory=dict)
     _touching: dict[str, bool] = field(init=False, default_factory=dict)
-    _pushes: dict[str, float] = field(
-        init=False, default_factory=dict
-    )  # largest force on each fixed object [N]
     _forbidden: dict[str, Float64] = field(init=False)
     _wrenches: list[Float64] = field(init=False)
     _source: list[str] = field(init=False)  # crate in which each fruit was at the start
+    _presses: Presses = field(init=False)
 
     def __post_init__(self) -> None:
+        self._carriers = ("table", *fixed_names(self.scene.fixed))
         self._source = [self._inside(i) for i in range(len(self.scene.fruits))]
+        self._presses = Presses(self.scene, self.state)
         count = len(self.scene.fruits)
-        carriers = ("table", *fixed_names(self.scene.fixed))
         self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
-        self._sensors = [
-            _Sensors(
-                tuple(self._view(f"support_{i}_{name}") for name in carriers),
-                self._view(f"robot_fruit_{i}"),
-                tuple(self._view(f"{pad}_fruit_{i}") for pad in PADS),
-            )
-            for i in range(count)
-        ]
+        self._robot = [self._view(f"robot_fruit_{i}") for i in range(count)]
         names = [self.scene.model.sensor(i).name for i in range(self.scene.model.nsensor)]
         watched = [n for n in names if n.startswith("robot_") and not n.startswith("robot_fruit")]
         self._forbidden = {
@@ -167,30 +147,17 @@ class Scorer:
             if touching and not self._touching.get(name, False):
                 self._hits[name] = self._hits.get(name, 0) + 1
             self._touching[name] = touching
-            if touching:
-                self._pushes[name] = max(
-                    self._pushes.get(name, 0.0), float(np.linalg.norm(sensor[1:4]))
-                )
-        for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
-            touching = bool(sensors.robot[0] > 0.0)
+        self._presses.watch()
+        for i, record in enumerate(self._fruits):
+            touching = bool(self._robot[i][0] > 0.0)
             begins = touching and not record.touching
             record.touches += begins
             record.bumps += begins and any(
                 other.grip is not None for other in self._fruits if other is not record
             )
             record.touching = touching
-            self._watch_press(i, record, sensors)
             if touching or record.grip is not None or record.ending is not None:
-                self._watch_grip(i, record, sensors)
-
-    def _watch_press(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
-        """Compare the forces of robot, table and crates on a fruit with the one that bruises it."""
-        pads = [pad[1:4] for pad in sensors.pads]
-        harder = max(float(np.linalg.norm(pad)) for pad in pads)
-        others = (sensors.robot[1:4] - sum(pads), *(view[1:4] for view in sensors.support))
-        beside = max(float(np.linalg.norm(other)) for other in others)
-        radius = float(self.scene.fruits[i].dimensions[0]) / 2.0
-        record.press.add(harder, beside, radius, LOOK)
+                self._watch_grip(i, record)
 
     def note_look(self) -> None:
         """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
@@ -198,8 +165,10 @@ class Scorer:
             if record.grip is None and not self._put_away(i):
                 record.looked = self._pose(i)
 
-    def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
-        forces = [float(np.linalg.norm(pad[1:4])) for pad in sensors.pads]
+    def _watch_grip(self, i: int, record: FruitRecord) -> None:
+        pads = [self._presses.force(i, pad) for pad in PADS]
+        forces = [float(np.linalg.norm(pad)) for pad in pads]
+        is_carried = any(self._presses.force(i, name).any() for name in self._carriers)
         held = min(forces) > TOUCH
         if not held:
             if record.grip is not None:
@@ -207,9 +176,9 @@ class Scorer:
                 record.grip = None
                 record.lost_at = float(self.state.time)
                 record.ending = self._in_tool(i)
-                record.fell = bool(record.last_grip.hung and not sensors.supported)
+                record.fell = bool(record.last_grip.hung and not is_carried)
             elif record.ending is not None and (
-                (record.fell and sensors.supported)
+                (record.fell and is_carried)
                 or float(np.linalg.norm(self._in_tool(i) - record.ending)) > SLID_OUT
             ):
                 record.end_grip()
@@ -217,7 +186,7 @@ class Scorer:
         record.ending = None
         T_base_tool = self._tool()
         T_base_fruit = self._pose(i)
-        supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
+        supported = is_carried or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
         if record.grip is None:
             # a fruit that both pads touch again within this time is still in the same grip [s]
             again = record.last_grip is not None and self.state.time - record.lost_at < 0.5
@@ -225,7 +194,7 @@ class Scorer:
         grip = record.grip
         assert grip is not None
         grip.peak = max(grip.peak, sum(forces))
-        normal = self._normal_forces(sensors)
+        normal = self._normal_forces(pads)
         grip.held.finger_peak = max(grip.held.finger_peak, *normal)
         grip.held.grasp_peak = max(grip.held.grasp_peak, sum(normal))
         if (
@@ -263,12 +232,10 @@ class Scorer:
         cosine = (np.trace(T_tool_fruit[:3, :3].T @ grip.T_tool_fruit[:3, :3]) - 1.0) / 2.0
         grip.turn = max(grip.turn, float(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
-    def _normal_forces(self, sensors: _Sensors) -> tuple[float, ...]:
+    def _normal_forces(self, pads: Sequence[Float64]) -> tuple[float, ...]:
         """Of each pad on this fruit, across its face [N]."""
         faces = [self.state.site(pad).xmat.reshape(3, 3)[:, 2] for pad in PADS]
-        return tuple(
-            abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True)
-        )
+        return tuple(abs(float(face @ pad)) for face, pad in zip(faces, pads, strict=True))
 
     def _least_force(self) -> float:
         """Return the force of both fingers at which the contact model's ellipsoidal limit surface just holds the load
@@ -305,7 +272,7 @@ class Scorer:
             if grip and not self._put_away(index)
             else None,
             "fruit": fruit.name,
-            "place": fruit.place,
+            "place": str(fruit.place),
             "target": self.scene.fruits[0].name,
             "height_gained_m": risen,
             "slip_mm": 1e3 * grip.slip if grip else None,
@@ -315,15 +282,12 @@ class Scorer:
             **(grip.held if grip else HeldForce()).report(),
             "drops": sum(each.drops for each in self._fruits),
             "lost": sum(each.lost for each in self._fruits),
-            "bruised": sum(each.press.largest > 1.0 for each in self._fruits),
-            "largest_press": max(each.press.largest for each in self._fruits),
+            **press_figures(self._presses.largest),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
-            "pushed_n": {name: round(force, 2) for name, force in sorted(self._pushes.items())},
             "dimensions_m": [float(d) for d in fruit.dimensions],
             "mass_kg": fruit.mass,
             "friction": self.scene.friction,
-            "torsion_m": self.scene.torsion,
             "T_base_fruit": pose.tolist(),
             "T_base_fruit_at_look": record.looked.tolist(),
             "fruits": [

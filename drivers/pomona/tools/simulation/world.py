@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,15 +42,16 @@ class SimClock:
             self._step()
 
 
-class PhysicsWorld(Device, ABC):
+class PhysicsWorld(Device):
     """MuJoCo's model and state, and the clock that steps them; a robot with its devices lives in it.
 
-    A subclass scores a run: `truth`, `looked`, and `watch`, which every fifth step calls.
-
     Attributes:
+        score: of a subclass; it watches every fifth step, and reports.
         description: the robot's file.
         before_step, after_step: hooks of the devices, called in order around every physics step.
     """
+
+    score: Any
 
     def __init__(self, model: Any, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__("world")
@@ -72,9 +72,9 @@ class PhysicsWorld(Device, ABC):
         self._settle()
         self.clock = SimClock(self._advance_one_step)
 
-    @abstractmethod
     def truth(self) -> Mapping[str, object]:
         """Return the world's own score."""
+        return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
 
     def looked(self) -> None:
         """A camera looks now."""
@@ -83,6 +83,7 @@ class PhysicsWorld(Device, ABC):
         """Observe the world, 100 times a second."""
         if self.intruder is not None:
             self.intruder.measure()
+        self.score.watch()
 
     def invite(self, said: IntruderSection | None) -> None:
         """Let a person's hand come, whose body the model has."""
@@ -153,17 +154,9 @@ class SimWorld(PhysicsWorld):
             gather(self.mujoco, self.model, self.state, sizes, self.scene.gathering, self.seed)
         super()._settle()
 
-    def truth(self) -> Mapping[str, object]:
-        """Return the world's own score; see `score.Scorer.report`."""
-        return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
-
     def looked(self) -> None:
         """A camera looks now: remember where the fruit truly is."""
         self.score.note_look()
-
-    def watch(self) -> None:
-        super().watch()
-        self.score.watch()
 
 
 class FaultyDevice(Device, FaultSwitch):

@@ -132,12 +132,14 @@ MOST_FIGURES = 5  # figures of a world's score that a summary shows
 
 
 def headline(truth: Mapping[str, Any]) -> list[str]:
-    """Return the first figures of a world's score that are not 0; verdicts and numbers only.
+    """Return the first figures of a world's score that are not 0; verdicts, numbers and the hardest press only.
 
     The world orders them by importance.
     """
     kept = {
-        name: value for name, value in truth.items() if isinstance(value, bool) or is_number(value)
+        name: value
+        for name, value in truth.items()
+        if isinstance(value, bool) or is_number(value) or name == "pressed"
     }
     return [
         said

@@ -21,6 +21,7 @@ from pomona.tools.simulation import (
     FruitOnTable,
     FruitShape,
     IntruderSection,
+    add_contact_sensors,
     add_fixed,
     add_fruit,
     add_intruder,
@@ -34,12 +35,6 @@ SHELF = (0.0, 1.6)  # place of the first waiting fruit, x and y in the base fram
 APART = 0.25  # distance of waiting fruit along x [m]
 FLOOR = 0.75  # depth of the floor below the belt [m]
 RAIL = 0.02  # height of a rail's box; its upper side lies 10 mm below the surface, so that it guides nothing [m]
-NET = 3
-FOUND = 1
-FORCE = 2
-TORQUE = 4
-PLACE = 16
-"""MuJoCo's contact sensors: one wrench for all contacts in the base frame, and their fields."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +75,10 @@ def build_belt_model(
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shape, belt.top)
     if intruder is not None:
         add_intruder(mujoco, spec)
-    _add_sensors(mujoco, spec, len(fruits))
+    bodies = [f"fruit_{i}" for i in range(len(fruits))]
+    others = {f"belt_{i}": (body, "belt") for i, body in enumerate(bodies)}
+    others |= {f"{pad}_{body}": (pad, body) for pad in PADS for body in bodies}
+    add_contact_sensors(mujoco, spec, ["belt", *bodies], others)
     return BeltModel(spec.compile(), belt, tuple(fruits), tuple(shapes), fixed, intruder)
 
 
@@ -119,35 +117,6 @@ def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> N
     floor.rgba = [0.3, 0.29, 0.28, 1.0]
     shelf = world.add_body(name="shelf", pos=[SHELF[0] + 1.0, SHELF[1], belt.top - 0.02])
     shelf.add_geom(type=box, size=[2.0, 0.3, 0.02], condim=6, friction=(0.8, 0.02, 0.01), **touch)
-
-
-def _add_sensors(mujoco: Any, spec: Any, fruits: int) -> None:
-    """Net contacts: pads and fruit with all, fruit with the belt, the robot with the belt, itself and fruit."""
-    geom = mujoco.mjtObj.mjOBJ_GEOM
-    body = mujoco.mjtObj.mjOBJ_BODY
-    subtree = mujoco.mjtObj.mjOBJ_XBODY
-    of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
-    arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)
-
-    def sensor(
-        name: str, first: tuple[Any, str], other: tuple[Any, str] | None, fields: int
-    ) -> None:
-        kind, reference = other or (mujoco.mjtObj.mjOBJ_UNKNOWN, "")
-        contact = spec.add_sensor(
-            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, intprm=[fields, NET, 1]
-        )
-        contact.objtype, contact.objname, contact.reftype, contact.refname = *first, kind, reference
-
-    for pad in PADS:
-        sensor(f"wrench_{pad}", (geom, pad), None, FORCE | TORQUE | PLACE)
-    sensor("robot_belt", (subtree, arm), (body, "belt"), FOUND | FORCE)
-    sensor("robot_robot", (subtree, arm), (subtree, arm), FOUND | FORCE)
-    for i in range(fruits):
-        sensor(f"belt_{i}", (body, f"fruit_{i}"), (body, "belt"), FOUND | FORCE)
-        sensor(f"all_{i}", (body, f"fruit_{i}"), None, FOUND | FORCE)
-        sensor(f"robot_fruit_{i}", (subtree, arm), (body, f"fruit_{i}"), FOUND | FORCE)
-        for pad in PADS:
-            sensor(f"{pad}_fruit_{i}", (geom, pad), (body, f"fruit_{i}"), FOUND | FORCE)
 
 
 def waiting_place(number: int) -> Float64:

@@ -9,11 +9,10 @@ import numpy as np
 
 from pomona.applications.conveyor.belt_model import BeltModel
 from pomona.executive import Float64
-from pomona.tools.simulation import PADS, FruitPress, container_of
+from pomona.tools.simulation import PADS, Press, Presses, container_of, press_figures
 
 LIFTED = 0.08  # height over its place on the belt from which a fruit between the pads counts as lifted [m]
 TOUCH = 0.05  # a pad touches a fruit that it presses by more than this [N]
-LOOK = 0.01  # time between two looks [s]
 
 
 @dataclass(slots=True)
@@ -23,9 +22,8 @@ class FruitFate:
     Attributes:
         number: of the body; kind: its name in the cell file; at: when it was put on the belt [s].
         lifted, slip: whether it was lifted, and how far the held point moved along the pads meanwhile [m].
-        peak: largest force of one pad [N]; put_down: of a crate, or a fruit in it, while a pad touches the
-            fruit [N].
-        press: mean forces of the harder pad and of everything else, beside those that bruise.
+        peak: largest force of one pad [N].
+        press: its largest.
         touches: contacts with the robot, each counted at its begin.
         ending: passed, in a crate's name, fell; empty while it is under way.
     """
@@ -36,8 +34,7 @@ class FruitFate:
     lifted: bool = False
     slip: float = 0.0
     peak: float = 0.0
-    put_down: float = 0.0
-    press: FruitPress = field(default_factory=FruitPress)
+    press: Press = (0.0, "")
     touches: int = 0
     ending: str = ""
     touching: bool = False
@@ -59,10 +56,15 @@ class BeltScore:
     belt_hits: int = 0
     self_hits: int = 0
     _now: dict[int, FruitFate] = field(default_factory=dict)
+    _presses: Presses = field(init=False)
     _touching: dict[str, bool] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._presses = Presses(self.built, self.state)
 
     def begin(self, number: int, at: float) -> None:
         """A fruit is put on the belt."""
+        self._presses.largest[number] = 0.0, ""
         fate = FruitFate(number, self.built.fruits[number].name, at)
         self.fates.append(fate)
         self._now[number] = fate
@@ -84,7 +86,9 @@ class BeltScore:
         """Look at the contacts of this moment."""
         self.belt_hits += self._begins("robot_belt")
         self.self_hits += self._begins("robot_robot")
+        self._presses.watch()
         for number, fate in self._now.items():
+            fate.press = self._presses.largest[number]
             touching = bool(self._view(f"robot_fruit_{number}")[0] > 0.0)
             fate.touches += touching and not fate.touching
             fate.touching = touching
@@ -112,9 +116,7 @@ class BeltScore:
             "collisions": self.belt_hits + self.self_hits,
             "slip_mm": 1e3 * max((fate.slip for fate in lifted), default=0.0),
             "finger_peak_n": max((fate.peak for fate in lifted), default=0.0),
-            "put_down_n": max((fate.put_down for fate in lifted), default=0.0),
-            "bruised": sum(fate.press.largest > 1.0 for fate in self.fates),
-            "largest_press": max((fate.press.largest for fate in self.fates), default=0.0),
+            **press_figures([fate.press for fate in self.fates]),
             "fates": [
                 {
                     "kind": f.kind,
@@ -129,11 +131,7 @@ class BeltScore:
 
     def _watch_grip(self, number: int, fate: FruitFate) -> None:
         pressed = self._pressed(number)
-        beside = self._beside(number)
         fate.peak = max(fate.peak, *pressed)
-        fate.put_down = max(fate.put_down, beside) if fate.lifted else 0.0
-        radius = float(self.built.fruits[number].dimensions[0]) / 2.0
-        fate.press.add(max(pressed), beside, radius, LOOK)
         body = self.state.body(f"fruit_{number}")
         tool = self.state.body("tool0")
         R_tool = tool.xmat.reshape(3, 3)
@@ -151,11 +149,6 @@ class BeltScore:
         fate.slip = max(fate.slip, float(np.hypot(now[0] - before[0], now[2] - before[2])))
         half = float(self.built.fruits[number].dimensions.min()) / 2.0
         fate.lifted = fate.lifted or bool(body.xpos[2] > self.built.belt.top + half + LIFTED)
-
-    def _beside(self, number: int) -> float:
-        """Force on a fruit of all but the pads [N]: each sensor has the force on the second of a pair."""
-        pads = sum(self._view(f"{pad}_fruit_{number}")[1:4] for pad in PADS)
-        return float(np.linalg.norm(self._view(f"all_{number}")[1:4] + pads))
 
     def _pressed(self, number: int) -> list[float]:
         """Forces of the pads on a fruit [N]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pomona.executive import Skill
-from pomona.skills import grip_settings
-from pomona.skills.grip import GripSettings, Hold, WatchSettings, bruising_force
+from pomona.skills import bruising, grip_settings
+from pomona.skills.grip import GripSettings, Hold, WatchSettings
 from pomona.skills.perception import MeasuredFruit
 
 # time before the arrival at which the fingers begin to close [s], 17 mm over their place
@@ -30,7 +30,7 @@ def moving_grip(
 
     At the largest dimension instead, a lemon held across would be closed on for 0.4 m of belt.
     """
-    push_limit = max(WatchSettings().push_limit, PUSH * bruising_force(width / 2.0))
+    push_limit = max(WatchSettings().push_limit, PUSH * bruising(fruit))
     return replace(
         grip_settings(skill, fruit, MOST),
         contact_width=width + (SLOWS_LATER if fast else SLOWS),

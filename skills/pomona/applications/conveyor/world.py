@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,14 +60,6 @@ class ConveyorWorld(PhysicsWorld):
         self._rests: dict[int, float] = {}
         self.before_step.append(self._run)
         self.invite(built.intruder)
-
-    def truth(self) -> Mapping[str, object]:
-        """Return the belt's own score; see `fates.BeltScore.report`."""
-        return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
-
-    def watch(self) -> None:
-        super().watch()
-        self.score.watch()
 
     def pose(self, number: int) -> Float64:
         """T_base_fruit, shape (4, 4)."""

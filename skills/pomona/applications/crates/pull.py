@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pomona.applications.crates.hooks import pull_of, rolled_height
+from pomona.drivers import HARD_MODULUS
 from pomona.executive import Float64
-from pomona.skills.grip import EDGE_MODULUS, bruising_force
+from pomona.skills import bruising
 from pomona.skills.motion import Grasp
 
 RELIEF = 0.1e-3
@@ -37,16 +38,12 @@ ENOUGH = 0.015
 
 def bears_at_pads(hook: Grasp) -> float:
     """Return the largest limit of a step [N]."""
-    return BEARS * bruising_force(_radius(hook))
+    return BEARS * bruising(hook.fruit)
 
 
 def bears_at_edges(hook: Grasp) -> float:
     """Return the force of the fingers' edges that ends a pull [N]: they are hard, and bruise a fruit before the pads."""
-    return BEARS * bruising_force(_radius(hook), EDGE_MODULUS)
-
-
-def _radius(hook: Grasp) -> float:
-    return float(hook.fruit.dimensions[0]) / 2.0
+    return BEARS * bruising(hook.fruit, HARD_MODULUS)
 
 
 class HookPull:

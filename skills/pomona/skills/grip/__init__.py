@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from pomona.skills.grip.grip import GripPhase as GripPhase, GripProblem as GripProblem
     from pomona.skills.grip.hold import Hold as Hold, take_over as take_over
     from pomona.skills.grip.limit_surface import (
-        EDGE_MODULUS as EDGE_MODULUS,
         SoftContact as SoftContact,
-        bruising_force as bruising_force,
         surface_table as surface_table,
     )
     from pomona.skills.grip.settings import (
@@ -30,7 +28,7 @@ PUBLIC = {
     "controller": "GripController warm_up",
     "grip": "GripPhase GripProblem",
     "hold": "Hold take_over",
-    "limit_surface": "EDGE_MODULUS SoftContact bruising_force surface_table",
+    "limit_surface": "SoftContact surface_table",
     "settings": "ForceLoopSettings GripSettings WatchSettings",
 }
 """Public names by the module that defines them."""

@@ -151,12 +151,6 @@ class SurfaceTable(NamedTuple):
     tau: Float64
     load: Float64
 
-    def at(self, c_tilde: ArrayLike) -> tuple[Float64, Float64]:
-        """Return (f_tilde, tau_tilde) between the nodes."""
-        c = np.asarray(c_tilde, np.float64)
-        s = np.linspace(0.0, 1.0, NODES)
-        return np.interp(c / (1.0 + c), s, self.f), np.interp(c / (1.0 + c), s, self.tau)
-
 
 @lru_cache(maxsize=32)
 def _unit_surface(k: float, ellipsoid: bool) -> tuple[Float64, Float64]:
@@ -257,26 +251,3 @@ def grasp_force(
 ) -> float:
     """Return f_ns of a two-finger grasp [N]: `margin` times both fingers' minimum forces, at least `floor`."""
     return max(floor, margin * float(np.sum(least_force(np.array(f_t), np.array(tau_n), contact))))
-
-
-NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
-PAD_MODULUS = 1.0e6
-"""Modulus of the contact of a pad and an apple [Pa], assumed: 8 N on a fruit of 76 mm give that pressure."""
-EDGE_MODULUS = 1.5e6
-"""Modulus of the contact of a finger's edge and an apple [Pa], assumed: half of the flesh's 3 MPa."""
-
-
-def pressure(f_n: float, contact: SoftContact | None = None) -> float:
-    """Return the pressure in the middle of the contact of one finger that presses with `f_n` [Pa]."""
-    contact = contact or SoftContact()
-    radius = contact.delta * f_n**contact.gamma if f_n > 0.0 else math.inf
-    return float(xi(contact.k) * f_n / (math.pi * radius**2))
-
-
-def bruising_force(radius: float, modulus: float = PAD_MODULUS) -> float:
-    """Return the force below which no apple of a radius [m] bruises [N], by Hertz's contact of a ball.
-
-    Args:
-        modulus: of the contact with the apple [Pa].
-    """
-    return math.pi**3 * radius**2 * NO_BRUISE**3 / (6.0 * modulus**2)

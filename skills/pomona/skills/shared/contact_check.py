@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from pomona.drivers.fruit_body import HARD_MODULUS
 from pomona.drivers.interfaces import Gripper, Motion
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.grip.limit_surface import EDGE_MODULUS
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
@@ -110,7 +110,7 @@ def lower_to_support(
             doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
             if not doubt:
                 fruit = None if grasp is None else grasp.fruit
-                note_press(skill, "its support", touch.pressed, fruit, EDGE_MODULUS)
+                note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
             return doubt
     return "" if ends_on else "the fruit met nothing"
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+from pomona.drivers.fruit_body import PAD_MODULUS, UNKNOWN_PRESSURE, bruising_force
 from pomona.drivers.interfaces import (
     OTHER_FRUIT,
     ForceSensor,
@@ -23,7 +24,7 @@ from pomona.executive.account import HELD
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.grip.limit_surface import PAD_MODULUS, SoftContact, bruising_force
+from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.settings import ForceLoopSettings, GripSettings, PadStiffness
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -126,7 +127,9 @@ def bruising(fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS) -> float
 
     Of an unknown fruit it is that of a large apple: a larger force bruises every one.
     """
-    return bruising_force(0.5 * (LARGE if fruit is None else float(fruit.dimensions[0])), modulus)
+    if fruit is None:
+        return bruising_force(UNKNOWN_PRESSURE, 0.5 * LARGE, modulus)
+    return bruising_force(fruit.fruit.pressure, 0.5 * float(fruit.dimensions[0]), modulus)
 
 
 def bearable_force(fruit: MeasuredFruit | None) -> float:

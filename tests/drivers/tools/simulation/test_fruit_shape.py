@@ -11,7 +11,12 @@ from pomona.tools.simulation.fruit_shape import OF_PERCEPTION, UnusableModel, re
 
 
 def test_each_key_that_the_skills_read_is_known_to_the_simulated_world() -> None:
-    assert {field.name for field in fields(FruitFileSection)} == {"mesh", "stem", *OF_PERCEPTION}
+    assert {field.name for field in fields(FruitFileSection)} == {
+        "mesh",
+        "stem",
+        "pressure",
+        *OF_PERCEPTION,
+    }
 
 
 @pytest.mark.parametrize(

@@ -8,23 +8,18 @@ RobotError
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import ArrayLike
+
+from pomona.drivers.errors import UnusableRobotFile
 
 
 class RobotError(Exception):
     """Root of this package's errors."""
 
 
-class BadRobotFile(RobotError):
+class BadRobotFile(RobotError, UnusableRobotFile):
     """A robot description that cannot be used."""
-
-    def __init__(self, path: Path, problem: str) -> None:
-        self.path = path
-        self.problem = problem
-        super().__init__(f"{path}: {problem}")
 
 
 class BadJoints(RobotError):

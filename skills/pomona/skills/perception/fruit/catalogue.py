@@ -16,16 +16,17 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.drivers.fruit_body import UNKNOWN_PRESSURE, FruitBody
 from pomona.executive.values.archives import open_archive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Finding, Findings, did_you_mean, format_findings
 from pomona.executive.values.installation import installed_trees
-from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
+from pomona.executive.values.kinds import Measure, Number, Row, Schema, Text
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
 from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.sections import Problem, Section, value
-from pomona.executive.values.units import LENGTH, MASS, RATIO, Array
+from pomona.executive.values.units import LENGTH, MASS, PRESSURE, RATIO, Array
 from pomona.executive.values.yaml_nodes import Refused
 from pomona.skills.perception.fruit.sizes import KindSizes
 
@@ -85,6 +86,7 @@ class FruitModel:
         sizes: distribution of size and height over width of this kind, if it was learnt.
         mass: of a fruit of the model's size [kg]; None if no fruit was weighed.
         mass_spread: relative standard deviation of it among fruit of one size.
+        pressure: of a contact, up to which the fruit is not bruised [Pa].
     """
 
     name: str
@@ -99,6 +101,7 @@ class FruitModel:
     mass: Annotated[float | None, MASS] = None
     mass_spread: Annotated[float, RATIO] = 0.1
     photo_weights: Path | None = None
+    pressure: Annotated[float, PRESSURE] = UNKNOWN_PRESSURE
 
     @property
     def mesh(self) -> Mesh:
@@ -130,14 +133,10 @@ class SizesSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FruitFileSection:
+class FruitFileSection(FruitBody):
     """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
 
     name: str = value(Text(), help="its name in the catalogue, as its folder is called")
-    mesh: Path = value(
-        PathTo("file"), help="the flesh without stem: a closed mesh in metres, normals outwards"
-    )
-    stem: Path | None = value(PathTo("file"), None, "the stem, for pictures only")
     dimensions: tuple[float, ...] = value(
         Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z"
     )
@@ -240,6 +239,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         mass=said.mass,
         mass_spread=said.mass_spread,
         photo_weights=find_weights(folder, said.photo_weights),
+        pressure=said.pressure,
     )
 
 
