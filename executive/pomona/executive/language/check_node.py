@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 
-from pomona.executive.language.flow import LayerOutcome, Outcomes
+from pomona.executive.language.flow import LayerAt, Outcomes
 from pomona.executive.language.interface import PortDeclared
 from pomona.executive.language.literals import scalar_type
 from pomona.executive.language.model import Definition, TreeNode
@@ -16,7 +16,7 @@ from pomona.executive.language.value_types import ANY, ValueType, can_flow, desc
 from pomona.executive.language.values import ValueReader, static_type
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.context import COUNTERS, Around
-from pomona.executive.nodes.node_type import NodeType, OfLayer, Stage
+from pomona.executive.nodes.node_type import Stage
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
@@ -175,25 +175,15 @@ class NodeChecker:
 
 
 @dataclass(slots=True, eq=False)
-class LayerCheck(OfLayer):
+class LayerCheck(LayerAt[NodeChecker]):
     """One layer of a node being checked by its type (a `CheckContext`)."""
 
-    whole: NodeChecker
-    node: TreeNode
-    index: int
-    layer: NodeType
-    found: Resolved
     around: Around
 
     @property
     def findings(self) -> Findings:
         """Where findings are reported."""
         return self.whole.findings
-
-    @property
-    def outcomes(self) -> LayerOutcome:
-        """Return the possible ends of the layer, of its children and of their contents."""
-        return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     @property
     def reader(self) -> ValueReader:

@@ -209,15 +209,12 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
             scope.report(expression, "expression-type", message)
         _check_symbols(expression.left, left, expression.right, scope)
         return bool
-    if operator in ("==", "!="):
-        if not comparable(left, right):
-            message = f"{describe(left)} and {describe(right)} cannot be compared"
-            scope.report(expression, "expression-type", message, _unit_hint(left, right))
+    is_equality = operator in ("==", "!=")
+    if is_equality:
         _check_symbols(expression.left, left, expression.right, scope)
         _check_symbols(expression.right, right, expression.left, scope)
-        return bool
     for side, kind in ((expression.left, left), (expression.right, right)):
-        if not is_numeric(kind):
+        if not is_equality and not is_numeric(kind):
             whole = side.name if isinstance(side, (Member, Reference)) else "…"
             hint = (
                 f"take one element: {whole}[0]"

@@ -61,16 +61,18 @@ class Sphere:
 
     def finer(self) -> Sphere:
         """Return the same part at half the spacing; it contains the attempts of this one."""
-        full = np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi)
-        turns = 2 * self.turns if full else 2 * self.turns - 1
+        turns = 2 * self.turns if self._is_full else 2 * self.turns - 1
         return replace(self, tilts=2 * self.tilts - 1, turns=turns)
 
     def attempts(self) -> Sequence[tuple[float, float]]:
         """(theta, alpha) of every attempt in the sampling's own order: by tilt, then by azimuth."""
         thetas = np.linspace(*self.theta, self.tilts)
-        full = np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi)
-        alphas = np.linspace(*self.alpha, self.turns, endpoint=not full)
+        alphas = np.linspace(*self.alpha, self.turns, endpoint=not self._is_full)
         return [(float(theta), float(alpha)) for theta in thetas for alpha in alphas]
+
+    @property
+    def _is_full(self) -> bool:
+        return bool(np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi))
 
 
 @lru_cache(maxsize=16)
