@@ -48,12 +48,16 @@ def test_what_is_lacking_is_lacking_until_it_is_withdrawn() -> None:
 
 def test_the_largest_press_is_reported_and_one_beyond_the_limit_is_lacking() -> None:
     account = of(AccountEntry("held", "pads"), AccountEntry("the pads", "", 0.4))
-    account.add(AccountEntry("its support", "", 0.9))
+    account.add(AccountEntry("its support", "2.9 N", 0.9), "pick/Release")
     assert code(account) == ""
     assert account.report("held")["press"] == 0.9
-    assert account.report("held")["pressed_by"] == "its support"
-    account.add(AccountEntry("its support", "pressed with 3.3 N", 1.11))
-    assert code(account) == "DONE_IN_PART"
+    assert account.report("held")["pressed"] == "Release: 2.9 N"
+    account.add(AccountEntry("its support", "pressed with 3.9 N", 1.33), "pick/Put into the crate")
+    account.add(AccountEntry("its support", "pressed with 3.3 N", 1.11), "pick/Put into the crate")
+    doubt = account.doubt("held", "a fruit")
+    assert doubt is not None
+    assert doubt.message == "Put into the crate: pressed with 3.9 N"
+    assert account.report("held")["press"] == 1.33, "the figure of the sentence"
 
 
 @pytest.mark.parametrize(
@@ -98,7 +102,7 @@ def test_the_run_ends_as_its_account_says() -> None:
     assert unverified.reason is not None
     assert unverified.reason.code == "UNVERIFIED"
     assert unverified.account == {
-        "success": "held", "count": 0, "evidence": "", "press": 0.0, "pressed_by": "",
+        "success": "held", "count": 0, "evidence": "", "press": 0.0, "pressed": "",
     }  # fmt: skip
 
 

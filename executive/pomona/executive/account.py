@@ -29,7 +29,7 @@ class AccountEntry:
     Attributes:
         about: a word of `SUCCESSES` or `NOTHING_LEFT`, for which this is evidence; else what the task lacks.
         words: the measured values with their source; empty: it lacks that no more.
-        press: largest force on a fruit over the one that bruises it, by `about`; beyond 1 the task lacks a sound fruit.
+        press: force on a fruit over the one that bruises it, by `about`; beyond 1 the task lacks a sound fruit.
     """
 
     about: str
@@ -44,17 +44,17 @@ class Account:
     evidence: dict[str, list[str]] = field(default_factory=dict)
     lacking: dict[str, str] = field(default_factory=dict)
     press: float = 0.0
-    pressed_by: str = ""
+    pressed: str = ""
 
-    def add(self, entry: AccountEntry) -> None:
-        """Take an entry."""
+    def add(self, entry: AccountEntry, node: str = "") -> None:
+        """Take an entry of a node; of presses the largest."""
         if entry.press > self.press:
             self.press = entry.press
-            self.pressed_by = entry.about
-        if entry.press > 1.0 or (not entry.press and entry.about not in (*SUCCESSES, NOTHING_LEFT)):
-            self.lacking[entry.about] = entry.words
-        elif not entry.press:
+            self.pressed = f"{node.rpartition('/')[2]}: {entry.words}"
+        elif entry.about in (*SUCCESSES, NOTHING_LEFT):
             self.evidence.setdefault(entry.about, []).append(entry.words)
+        elif not entry.press:
+            self.lacking[entry.about] = entry.words
 
     def doubt(self, success: str, in_hand: str | None) -> Reason | None:
         """Return why a tree that succeeded has not done its task, or not all of it; None: it has.
@@ -64,6 +64,8 @@ class Account:
             in_hand: description of a held object; None in a cell without a hand.
         """
         lacking = [words for words in self.lacking.values() if words]
+        if self.press > 1.0:
+            lacking.append(self.pressed)
         if success == HELD and in_hand == "":
             lacking.append("the hand is empty at the end")
         if lacking:
@@ -84,7 +86,7 @@ class Account:
             "count": len(self.evidence.get(success, ())),
             "evidence": found[-1] if success and found else "",
             "press": self.press,
-            "pressed_by": self.pressed_by,
+            "pressed": self.pressed,
         }
 
 
@@ -108,5 +110,5 @@ def disagreement(outcome: str | None, account: Any, truth: Any) -> str:
     words = f"{claimed} {success.replace('_', ' ')} as measured, {true} in truth"
     if claimed != true:
         return f"{'FALSE_SUCCESS' if claimed > true else 'FALSE_FAILURE'}: {words}"
-    bruised = truth.get("bruised", 0) if outcome == "success" else 0
-    return f"FALSE_SUCCESS: {bruised} bruised" if bruised else ""
+    bruised = truth.get("bruised") if outcome == "success" else 0
+    return f"FALSE_SUCCESS: {bruised} bruised, {truth.get('pressed')}" if bruised else ""

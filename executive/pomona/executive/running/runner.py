@@ -761,7 +761,7 @@ class Runner(Requests):
 
     def _published(self, node: str, topic: str, value: object) -> None:
         if isinstance(value, AccountEntry):
-            self._account.add(value)
+            self._account.add(value, node)
         self._emit(Published(*self.progress, node, topic, value))
 
 

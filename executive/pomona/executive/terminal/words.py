@@ -40,9 +40,7 @@ def end_words(ended: RunEnded) -> str:
 
 def felt_words(account: Mapping[str, Any]) -> str:
     """Return the evidence of a run's success, and the largest press on a fruit; empty without either."""
-    press = account.get("press")
-    pressed = f"largest press {press:.2f} of the limit, by {account['pressed_by']}" if press else ""
-    return ", ".join(filter(None, (account.get("evidence"), pressed)))
+    return "; ".join(filter(None, (account.get("evidence"), account.get("pressed"))))
 
 
 def seconds(value: float) -> str:
