@@ -212,6 +212,8 @@ class Skill(py_trees.behaviour.Behaviour):
     all of them, or none for instant work."""
     failures: ClassVar[tuple[str, ...]] = ()
     renamed_failures: ClassVar[Mapping[str, str]] = {}
+    measures: ClassVar[bool] = False
+    """Whether it measures a success (`account.SUCCESSES`): a tree with it is to declare which one is its own."""
     own_speed: ClassVar[bool] = False
     """Whether its motions keep their own speed, independent of the operator's and the tree's: its measurement depends
     on the speed."""

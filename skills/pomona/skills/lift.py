@@ -82,6 +82,7 @@ class Lift(MovingSkill):
         "MAP_STALE",
     )
     renamed_failures: ClassVar = {"NO_WAY_UP": "LIFT_BLOCKED"}
+    measures = True
 
     def run(
         self,

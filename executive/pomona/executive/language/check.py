@@ -136,6 +136,7 @@ class _Checker:
         for definition in definitions:
             self.definition(definition)
         self.lacking_devices()
+        self.undeclared_success()
         self.analysis.finite = not self.recursive and self.size(order)
         if not self.findings.errors:  # a mistyped name would be reported twice
             self.never_read(definitions)
@@ -251,6 +252,21 @@ class _Checker:
             )
             message = f"the cell has no {device}, which {keys[0].text} needs{places}"
             self.findings.error(keys[0], "no-device", message)
+
+    def undeclared_success(self) -> None:
+        """Warn of a tree whose skills measure a success that it does not declare: its end counts as one."""
+        measuring = [
+            found.node.key
+            for found in self.analysis.resolved.values()
+            if found.skill is not None and found.skill.measures
+        ]
+        if measuring and self.document.main.success is None:
+            self.findings.warning(
+                measuring[0],
+                "no-success",
+                f"{measuring[0].text} measures a success, and the tree declares none: its end counts as one",
+                "write `success: held` or `success: put_away`; unmeasured it ends with status 4, since 0.2",
+            )
 
     def never_read(self, definitions: Sequence[Definition]) -> None:
         """Warn of parameters, inputs and subtrees that nothing uses."""

@@ -28,6 +28,9 @@ from pomona.tools.editor.command_check import check_file
 from pomona.tools.editor.old_names import report_old_names
 from pomona.tools.editor.replacing import write_edits
 
+NEW = ("removed", "no-success")
+"""Codes of findings that a file of an earlier version has, and one of this version has not."""
+
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
@@ -35,7 +38,8 @@ def add(subparsers: Any) -> None:
         "migrate",
         help="change files of an earlier version to this one; comments stay",
         description="Write the new words of this version into trees, cells, campaigns, scenarios, Python files and "
-        "pyproject.toml. A word without a new one, or with several, is listed: its place stays as it is.",
+        "pyproject.toml. A word without a new one, or with several, is listed: its place stays as it is. So is "
+        "a tree that grips and declares no success.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="the files to change")
     parser.add_argument("--check", action="store_true", help="show the changes, and write nothing")
@@ -87,7 +91,7 @@ def _is_yaml(path: Path) -> bool:
 def _removed(path: Path) -> list[Finding]:
     """Return the words in a file that this version no longer has."""
     if _is_yaml(path):
-        return [finding for finding in check_file(path, None, {}) if finding.code == "removed"]
+        return [finding for finding in check_file(path, None, {}) if finding.code in NEW]
     findings = Findings()
     report_old_names(findings, Source(str(path), read_text(path)))
     return findings.sorted()

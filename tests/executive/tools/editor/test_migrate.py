@@ -148,7 +148,8 @@ def test_a_tree_gets_the_new_words_and_the_rest_stays_byte_for_byte(
     assert "the node 'pipeline' became 'reactive_sequence' or 'sequence' in 0.2" in out
     assert "the skill 'Shake' was removed in 0.2: no tree needs it\n" in out
     assert "keep 1 s, or 2 s of 'hold_time' in line 14" in out
-    assert out.endswith("4 errors.\n")
+    assert "end counts as one" in out
+    assert out.endswith("4 errors and 1 warning.\n")
 
 
 def test_a_second_time_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,7 +169,8 @@ def test_check_shows_the_changes_and_writes_nothing(capsys: pytest.CaptureFixtur
     assert path.read_text() == TREE
     out = capsys.readouterr().out
     assert out.count(" → ") == 3
-    assert out.endswith("4 errors.\n")
+    assert "end counts as one" in out
+    assert out.endswith("4 errors and 1 warning.\n")
 
 
 def test_a_file_of_this_version_is_done(capsys: pytest.CaptureFixture[str]) -> None:
