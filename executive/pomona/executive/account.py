@@ -39,15 +39,17 @@ class AccountEntry:
 
 @dataclass(slots=True)
 class Account:
-    """All entries of a run."""
+    """All entries of a run; `bruises`: number of presses beyond the limit."""
 
     evidence: dict[str, list[str]] = field(default_factory=dict)
     lacking: dict[str, str] = field(default_factory=dict)
     press: float = 0.0
     pressed: str = ""
+    bruises: int = 0
 
     def add(self, entry: AccountEntry, node: str = "") -> None:
         """Take an entry of a node; of presses the largest."""
+        self.bruises += entry.press > 1.0
         if entry.press > self.press:
             self.press = entry.press
             self.pressed = f"{node.rpartition('/')[2]}: {entry.words}"

@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
 import py_trees
 from py_trees.common import Status
 
-from pomona.executive.account import AccountEntry
+from pomona.executive.account import Account, AccountEntry
 from pomona.executive.clock import Clock
 from pomona.executive.errors import SkillError
 from pomona.executive.lease import BLOCKED, notice_of
@@ -147,6 +147,10 @@ class SkillContext(Protocol):
     @property
     def clock(self) -> Clock:
         """The cell's clock."""
+
+    @property
+    def account(self) -> Account:
+        """Return the account of the task."""
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.

@@ -23,6 +23,8 @@ from pomona.executive import (
 
 _OFF: WeakKeyDictionary[object, dict[str, float]] = WeakKeyDictionary()
 """By the run's clock: when each input was last seen off [s]."""
+_LACKED: WeakKeyDictionary[object, tuple[object, ...]] = WeakKeyDictionary()
+"""By the run's clock: what the task lacked at the last SetPartial."""
 
 
 class SignalLook(NamedTuple):
@@ -182,23 +184,18 @@ class WaitSignal(SignalSkill):
         return SeenSignal(value=float(seen.value or 0.0))
 
 
-class SetSignal(SignalSkill):
-    """Set an output to the PLC, and wait until the PLC has accepted it; it stays until it is set again."""
+TAKEN = TIME("500 ms")
+
+
+class OutputSkill(SignalSkill):
+    """Base of the skills that set one output."""
 
     moves = (Signals,)
     failures = ("SIGNAL_NOT_TAKEN", "SIGNAL_REFUSED", "NO_SIGNAL")
     output_ports = ("signal",)
 
-    def run(
-        self,
-        signal: Annotated[str, Port(help="name of an output in the cell file")],
-        state: Annotated[bool, Port(help="whether a switch is on or off")] = True,
-        number: Annotated[float | None, Port(help="value of a number")] = None,
-        within: Annotated[Time, Port(min="0 s", help="deadline of the PLC's acceptance")] = TIME(
-            "500 ms"
-        ),
-    ) -> Work[None]:
-        value = state if number is None else number
+    def accepted(self, signal: str, value: bool | float, within: float) -> Work[None]:
+        """Set an output and wait until the PLC has accepted it, at most this time [s]."""
         self.set_output(signal, value)
         asked = self.clock.now()
 
@@ -208,6 +205,36 @@ class SetSignal(SignalSkill):
             return SignalLook(signal, f"accepted as {value:g}", taken.value, is_accepted)
 
         yield from self.until(look, within, "SIGNAL_NOT_TAKEN")
+
+
+class SetSignal(OutputSkill):
+    """Set an output to the PLC, and wait until the PLC has accepted it; it stays until it is set again."""
+
+    def run(
+        self,
+        signal: Annotated[str, Port(help="name of an output in the cell file")],
+        state: Annotated[bool, Port(help="whether a switch is on or off")] = True,
+        number: Annotated[float | None, Port(help="value of a number")] = None,
+        within: Annotated[Time, Port(min="0 s", help="deadline of the PLC's acceptance")] = TAKEN,
+    ) -> Work[None]:
+        yield from self.accepted(signal, state if number is None else number, within)
+
+
+class SetPartial(OutputSkill):
+    """Set an output on if the task lacks something more since the last SetPartial ("done in part"), else off.
+
+    It lacks fruit that was left, passed or pressed beyond its limit; the output stays until it is set again.
+    """
+
+    def run(
+        self,
+        signal: Annotated[str, Port(help="name of an output in the cell file")],
+    ) -> Work[None]:
+        account = self.context.account
+        lacking = account.bruises, *filter(None, account.lacking.values())
+        before = _LACKED.get(self.clock, (0,))
+        _LACKED[self.clock] = lacking
+        yield from self.accepted(signal, not set(before).issuperset(lacking), TAKEN)
 
 
 class Handshake(SignalSkill):

@@ -85,7 +85,9 @@ class Digest:
     git: str = ""  # commit of Pomona, with a + for a changed checkout
     parameters: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
-    outcome: str | None = None  # success, failure, stopped or error, of a run that has ended
+    outcome: str | None = (
+        None  # success, partial, failure, stopped or error, of a run that has ended
+    )
     code: str | None = None  # failure code of a run that did not succeed
     message: str | None = None  # reason for the failure, or for the missing end
     codes: Mapping[str, int] = field(default_factory=dict)  # number of failures of leaves, by code

@@ -423,5 +423,9 @@ def _say(event: Event) -> tuple[int, str, str] | None:
             return ERROR, event.node or "run", f"during {event.during}: {event.traceback.rstrip()}"
         case RunEnded():
             why = f": {event.reason.code}: {event.reason.message}" if event.reason else ""
-            return (INFO if event.outcome == "success" else ERROR), "run", f"{event.outcome}{why}"
+            return (
+                {"success": INFO, "partial": WARNING}.get(event.outcome, ERROR),
+                "run",
+                f"{event.outcome}{why}",
+            )
     return None

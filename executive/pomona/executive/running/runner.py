@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from py_trees.common import Status
 
-from pomona.executive.account import Account, AccountEntry
+from pomona.executive.account import AccountEntry
 from pomona.executive.board import Board, Entry
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
@@ -172,7 +172,6 @@ class Runner(Requests):
         self._culprit = ""
         self._interrupted = False
         self._reported: dict[str, object] = {}
-        self._account = Account()
         self._watch = CellWatch(
             cell, self._linked, self._felt, Watch(cell, self._published, watchers, self._tell)
         )
@@ -711,7 +710,7 @@ class Runner(Requests):
         }.get(self._state, "error")
         success = self.tree.success if self._cell.devices else ""  # mocks measure nothing
         if outcome == "success":
-            self._reason = self._account.doubt(success, self._cell.in_hand())
+            self._reason = self.context.account.doubt(success, self._cell.in_hand())
             outcome = "success" if self._reason is None else "partial"
         if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
             outcome = "stopped"
@@ -725,7 +724,7 @@ class Runner(Requests):
             self.context.elapsed(),
             wall,
             truth,
-            self._account.report(success),
+            self.context.account.report(success),
             self._interrupted,
         )
 
@@ -761,7 +760,7 @@ class Runner(Requests):
 
     def _published(self, node: str, topic: str, value: object) -> None:
         if isinstance(value, AccountEntry):
-            self._account.add(value, node)
+            self.context.account.add(value, node)
         self._emit(Published(*self.progress, node, topic, value))
 
 

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from pomona.executive.account import Account
 from pomona.executive.cell.cell import Cell
 from pomona.executive.clock import Clock
 from pomona.executive.errors import NotOwnerError, PomonaError, SkillError
@@ -307,6 +308,7 @@ class RunContext:
         self._cell = cell
         self.computations = computations
         self.run_seed = seed
+        self.account = Account()
         self._clock = viewed(cell.clock, Clock)
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []

@@ -8,8 +8,10 @@ import pytest
 from py_trees.common import Status
 
 from pomona.devices.plc.signals import SignalNames, Signals
-from pomona.devices.plc.skills import Handshake, SetSignal, WaitSignal
+from pomona.devices.plc.skills import Handshake, SetPartial, SetSignal, WaitSignal
 from pomona.executive import ManualClock, SkillEnd, drive
+from pomona.executive.account import AccountEntry
+from pomona.executive.skill_testing import BenchContext
 from tests.drivers.devices.plc.mock_signals import MockSignals
 
 EDGES = {"request": "change", "accepted": "taken", "done": "ready"}
@@ -152,6 +154,33 @@ def test_an_output_is_set_and_stays(plc: MockSignals, clock: ManualClock) -> Non
     assert plc.read("busy").value is True
     drive(SetSignal(), {"signal": "busy", "state": False}, {Signals: plc}, clock=clock)
     assert plc.read("busy").value is False
+
+
+def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_one_is_not(
+    plc: MockSignals, clock: ManualClock
+) -> None:
+    context = BenchContext(clock, {Signals: plc})
+    account = context.account
+    skill = SetPartial()
+    skill.bind(context, "SetPartial", lambda: {"signal": "busy"}, {}.__setitem__)
+    told = []
+    for press, lacking in (
+        (0.9, ""),
+        (1.2, ""),
+        (0.5, ""),
+        (1.1, ""),
+        (0.5, "left"),
+        (0.5, "left"),
+    ):
+        account.add(AccountEntry("the pads", "pressed", press))
+        account.add(AccountEntry("fruit 1", lacking))
+        skill.tick_once()
+        while skill.status is Status.RUNNING:
+            clock.advance(0.02)
+            skill.tick_once()
+        assert skill.status is Status.SUCCESS
+        told.append(plc.read("busy").value)
+    assert told == [False, True, False, True, True, False]
 
 
 def test_an_output_that_the_plc_does_not_take_fails_at_its_deadline(

@@ -28,7 +28,7 @@ function reasonTree(reason, s, crumbs = []) {
 }
 
 const MOST_FACTS = 8; // figures beside the reason; the others are among the causes
-const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed"], stopped: ["bad", "■ Stopped"], error: ["bad", "■ Ended by an error"] };
+const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed"], partial: ["warn", "◐ Done in part"], stopped: ["bad", "■ Stopped"], error: ["bad", "■ Ended by an error"] };
 
 // One sentence with the last failure and its reason; earlier causes unfold.
 function verdict(leaf, s) {
@@ -90,7 +90,7 @@ function goingWords(s, doing, latest) {
 const closedWords = () => (!page.recorded && isClosed() ? h("p", { class: "muted", role: "status" }, `The run has ended. Its program was closed at ${link.closed.toLocaleTimeString()}; this is the last state.`) : null);
 
 function endedWords(s, latest) {
-  const [rank, state] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome];
+  const [rank, word] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome], state = s.ended.reason?.code === "UNVERIFIED" ? "◐ Not verified" : word;
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const hand = s.hand && failed ? h("p", {}, h("b", {}, "In the hand: "), s.hand) : null;
@@ -104,7 +104,7 @@ function endedWords(s, latest) {
     h("div", { class: "verdict" }, lead, failed ? verdict(leaf, s) : ""),
     failed && done ? h("p", {}, done) : null,
     failed ? null : h("p", { class: "muted" }, `${count} failure${count === 1 ? "" : "s"} on the way. The latest, at `, moment(latest?.t ?? 0), ": ", verdict(leaf, s), latest?.next ? [" Then the tree went on with ", h("strong", {}, name(latest.next)), "."] : ""),
-    remedyOf({ failure: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
+    remedyOf({ failure: leaf.code, partial: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
     hand,
     same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
     count > 1 ? h("details", {}, h("summary", {}, `All ${count} failures`), h("ol", { class: "history" }, failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.commands.command_line import RUN, add_records_folder
+from pomona.executive.commands.run import EXIT
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute, versions
 from pomona.executive.recording.digest import trusted
@@ -90,7 +91,7 @@ def _changed(order: RunOrder, texts: Sequence[str], console: Screen) -> int:
     with contextlib.closing(LiveTree(console)) as live:
         executed = execute(order, [live.on_event])
     executed.summary.print(console, None)
-    return 0 if executed.result.outcome == "success" else 1
+    return EXIT[executed.result.outcome]
 
 
 def _beginning(record: Path) -> tuple[RunStarted, list[OperatorActed], list[str]]:
