@@ -142,15 +142,13 @@ class CellFacts(Protocol):
 
 
 class SkillContext(Protocol):
-    """Services of a run for its skills."""
+    """Services of a run for its skills; `account` is that of the task."""
 
     @property
     def clock(self) -> Clock:
         """The cell's clock."""
 
-    @property
-    def account(self) -> Account:
-        """Return the account of the task."""
+    account: Account
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.

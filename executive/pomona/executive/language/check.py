@@ -255,18 +255,15 @@ class _Checker:
 
     def undeclared_success(self) -> None:
         """Warn of a tree whose skills measure a success that it does not declare: its end counts as one."""
-        measuring = [
-            found.node.key
-            for found in self.analysis.resolved.values()
-            if found.skill is not None and found.skill.measures
-        ]
-        if measuring and self.document.main.success is None:
-            self.findings.warning(
-                measuring[0],
-                "no-success",
-                f"{measuring[0].text} measures a success, and the tree declares none: its end counts as one",
-                "write `success: held` or `success: put_away`; unmeasured it ends with status 4, since 0.2",
-            )
+        for found in self.analysis.resolved.values() if self.document.main.success is None else ():
+            if found.skill is not None and found.skill.measures:
+                self.findings.warning(
+                    found.node.key,
+                    "no-success",
+                    f"{found.node.key.text} measures a success, and the tree declares none: its end counts as one",
+                    "write `success: held` or `success: put_away`; unmeasured it ends with status 4, since 0.2",
+                )
+                break
 
     def never_read(self, definitions: Sequence[Definition]) -> None:
         """Warn of parameters, inputs and subtrees that nothing uses."""

@@ -32,7 +32,7 @@ UNCHECKED = "This record was written without checksums: later changes cannot be 
 
 def end_words(ended: RunEnded) -> str:
     """`failed`, `done in part` …, of a run that did not succeed."""
-    code = "" if ended.reason is None else ended.reason.code
+    code = ended.reason and ended.reason.code
     word = "was not verified" if code == "UNVERIFIED" else "was done in part"
     words = {"partial": word, "failure": "failed", "stopped": "was stopped"}
     return words.get(ended.outcome, "ended in the safe state")

@@ -19,8 +19,9 @@ from pomona.applications.crates.pull import (
     RELIEF,
     HookPull,
     bears_at_edges,
+    weight_of,
 )
-from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
+from pomona.drivers import HARD_MODULUS, Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import (
     FORCE,
     LENGTH,
@@ -34,13 +35,15 @@ from pomona.executive import (
     Speed,
     Work,
 )
-from pomona.skills import Manner, follow_way, tool_pose, vertical_way
+from pomona.skills import Manner, bruising, follow_way, tool_pose, vertical_way
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
 DOWN = Manner(0.02, GENTLE, 5.0)
 """Way down beside the wall, above the fruit's crown: a sensor at the wrist shows a contact after 30 ms."""
 TOUCHING = Manner(0.005, GENTLE, 10.0)
 """Way down beside the fruit: a contact is 5 to 10 N/mm, and the sensors report after 10 to 30 ms."""
+CREEPING = Manner(0.002, GENTLE, 10.0)
+"""Way at the fruit while it does not roll: within the sensors' delay the force grows by 0.3 N, not by 1 N."""
 ABOVE = 0.010
 """Height of the fingers' tips over the crown at which they slow down [m]."""
 OUTER = 3.0
@@ -73,12 +76,12 @@ class Hook(FeelingSkill):
         ] = FORCE("0.5 N"),
         force: Annotated[
             Force, Port(min="0.5 N", max="5 N", help="that ends a step of the pull, at first")
-        ] = FORCE("3 N"),
+        ] = FORCE("1 N"),
         distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH(
             "45 mm"
         ),
         speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED(
-            "0.015 m/s"
+            "0.010 m/s"
         ),
     ) -> Work[Drawn]:
         before = yield from self.stand_over(hook)
@@ -86,9 +89,13 @@ class Hook(FeelingSkill):
             with self.feeling() as hand:
                 yield from self.wait(SETTLE)
                 hand = hand.touching_nothing(bears_at_edges(hook))
-                yield from self._down(hook, hand, touch)
-                yield from self._give_way(hand, 0.0)
-                moved = yield from self._across(hook, hand, (touch, force), distance, speed)
+                self._press = 0.0
+                try:
+                    yield from self._down(hook, hand, touch)
+                    yield from self._give_way(hand, 0.0)
+                    moved = yield from self._across(hook, hand, (touch, force), distance, speed)
+                finally:
+                    self._note_press(hook)
         except SkillFailure as failed:
             if failed.failure.code in (
                 "PULL_BLOCKED",
@@ -100,6 +107,13 @@ class Hook(FeelingSkill):
             raise
         yield from self.rise_to(before)
         return Drawn(moved)
+
+    def _note_press(self, hook: Grasp) -> None:
+        """Add the force of the floor to the account: the fruit's weight, and the largest force of the hand."""
+        force = self._press + weight_of(hook)
+        share = force / bruising(hook.fruit, HARD_MODULUS)
+        words = f"the crate pressed a fruit with {force:.1f} N, {share:.2f} of its limit"
+        self.account("the crate", words, share)
 
     def _down(self, hook: Grasp, hand: ManoeuvreHand, limit: float) -> Work[None]:
         """Go down beside the wall until a finger touches the fruit's flank, or to the lowest place."""
@@ -131,14 +145,15 @@ class Hook(FeelingSkill):
         """
         touch, limit = limits
         pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
-        for x, place in pull.places(distance):
+        for place in pull.places(distance):
             hand.forget_change()
-            manner = TOUCHING if pull.is_held else Manner(speed, GENTLE, 10.0)
+            manner = CREEPING if pull.is_held else Manner(speed, GENTLE, 10.0)
             at_limit = yield from self._felt(self.line_to(place), manner, hand, pull.limit)
             if not (at_edges := hand.edges > hand.bears):
-                pull.off = yield from self._give_way(hand, pull.off)
+                pull.off = yield from self._give_way(hand, pull.off, at_limit)
                 pull.off = yield from self._sink(hand, touch, pull.off)
-            if at_edges or pull.ends(x, at_limit, hand.change, hand.downwards):
+            came = tool_pose(self)[:3, 3]
+            if at_edges or pull.ends(came, at_limit, hand.change, hand.downwards):
                 if pull.came >= ENOUGH:
                     return pull.came
                 raise self.failure(
@@ -148,22 +163,25 @@ class Hook(FeelingSkill):
             raise self.failure(
                 "NOTHING_MOVED", "the finger touched nothing on its way: the fruit lies elsewhere"
             )
-        return pull.came
+        return pull.way
 
     def _felt(self, way: Float64, manner: Manner, hand: ManoeuvreHand, limit: float) -> Work[bool]:
         """Follow a way until the hand feels a limit [N]; return True if it has. Nothing may push the outer faces."""
         stopped = yield from self.feel_way(way, manner, hand, limit, OUTER)
+        self._press = max(self._press, hand.downwards)
         if stopped and hand.outer.pushed(OUTER):
             words = f"something pushes the fingers from outside with {hand.outer.force:.1f} N: the crate, or a neighbour"
             raise self.failure("CONTACT", words, force_n=hand.outer.force, moved_m=hand.outer.moved)
         return stopped
 
-    def _give_way(self, hand: ManoeuvreHand, off: float) -> Work[float]:
+    def _give_way(self, hand: ManoeuvreHand, off: float, at_limit: bool = False) -> Work[float]:
         """Rise until the finger presses down less than `DOWNWARDS`; return the height over a rolling ball's way [m].
 
-        A pull alone is no reason: the rubber holds the fruit by it, and would slip over its shoulder.
+        After a limit it rises once at least: a fruit that is pressed less tips. More by a pull alone, and the rubber
+        would slip over its shoulder.
         """
-        while hand.downwards > DOWNWARDS and off + RELIEF <= FARTHEST_OFF:
+        while (at_limit or hand.downwards > DOWNWARDS) and off + RELIEF <= FARTHEST_OFF:
+            at_limit = False
             yield from follow_way(
                 self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING
             )
@@ -178,5 +196,5 @@ class Hook(FeelingSkill):
             return off
         begin = tool_pose(self)[:3, 3]
         hand.forget_change()
-        yield from self._felt(self.line_to(begin - [0.0, 0.0, deep]), TOUCHING, hand, touch)
+        yield from self._felt(self.line_to(begin - [0.0, 0.0, deep]), CREEPING, hand, touch)
         return off + float(tool_pose(self)[2, 3] - begin[2])

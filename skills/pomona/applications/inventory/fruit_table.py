@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from pomona.applications.inventory.measured_frame import FruitInFrame
-from pomona.skills.perception import mass_of
 
 Row = dict[str, str | float | None]
 """One fruit, by column: sizes and places in millimetres, `…_90_…`: half of the interval that holds 90 of 100 cases."""
@@ -49,7 +48,7 @@ def row_of(fruit: FruitInFrame, doubt: str) -> Row:
         for name, value, deviation in zip(LENGTHS, values, deviations, strict=True):
             row[f"{name}_mm"] = round(float(value), 1)
             row[f"{name}_90_mm"] = round(Z_90 * float(deviation), 1)
-        mass = mass_of(measured.fruit, size, measured.covariance[3:, 3:])
+        mass = measured.mass
         if mass is not None:
             row["mass_g"], row["mass_90_g"] = round(1e3 * mass[0]), round(1e3 * Z_90 * mass[1])
         row["agreeing"], row["method"] = round(measured.inlier_ratio, 2), measured.method

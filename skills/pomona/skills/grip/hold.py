@@ -92,7 +92,9 @@ class Hold:
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._record_period = self._record_every * controller.settings.period
         self._samples = np.zeros((KEPT, 7))
-        self.pressed = 0.0  # largest force of a finger that `drain` has returned [N]
+        self.peaks = np.zeros(
+            7
+        )  # largest of each column of `GripSamples` that `drain` has returned
         self._written = self._drained = self._seen = 0
         _HOLDS[identity(gripper)] = self
         self._subscription: Subscription = sensor.subscribe(self._on_sample)
@@ -254,7 +256,7 @@ class Hold:
             first = max(self._drained, self._written - KEPT)
             rows = self._samples[np.arange(first, self._written) % KEPT]
             self._drained = self._written
-            self.pressed = max(self.pressed, 0.5 * float(rows[:, 1].max(initial=0.0)))
+            self.peaks = np.maximum(self.peaks, rows.max(axis=0, initial=0.0))
         return GripSamples(*np.ascontiguousarray(rows.T))
 
     # ------------------------------------------------------------------------------------- for the sensor's stream

@@ -36,10 +36,7 @@ if TYPE_CHECKING:
         find_weights as find_weights,
         load_fruit as load_fruit,
     )
-    from pomona.skills.perception.fruit.catalogue import (
-        FruitError as FruitError,
-        mass_of as mass_of,
-    )
+    from pomona.skills.perception.fruit.catalogue import FruitError as FruitError
     from pomona.skills.perception.fruit.sizes import (
         KindSizes as KindSizes,
         TooFewFruit as TooFewFruit,
@@ -67,7 +64,7 @@ PUBLIC = {
     "detection.places": "LARGEST_SIDE search_sides shared_part",
     "frame_check": "MISMATCHES depth_elsewhere",
     "fruit": "FruitModel find_weights load_fruit",
-    "fruit.catalogue": "FruitError mass_of",
+    "fruit.catalogue": "FruitError",
     "fruit.sizes": "KindSizes TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
     "refinement.cloud": "horizontal_plane",

@@ -11,7 +11,7 @@ import numpy as np
 from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.units import LENGTH, RATIO, Array
-from pomona.skills.perception.fruit import FruitModel
+from pomona.skills.perception.fruit.catalogue import FruitModel, mass_of
 
 Pose = Annotated[Float64, Array(4, 4)]
 
@@ -47,6 +47,11 @@ class MeasuredFruit:
     # contradiction between the fruit's surroundings and the cell file, for the operator; empty without one
     doubt: str = ""
     beside: tuple[MeasuredFruit, ...] = ()  # other fruit of the same look
+
+    @property
+    def mass(self) -> tuple[float, float] | None:
+        """Mass by the size, and its standard deviation [kg]; None for a kind without weighed fruit."""
+        return mass_of(self.fruit, self.dimensions, self.covariance[3:, 3:])
 
     @property
     def sentence(self) -> str:

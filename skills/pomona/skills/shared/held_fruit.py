@@ -8,7 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from pomona.drivers.fruit_body import PAD_MODULUS, UNKNOWN_PRESSURE, bruising_force
+from pomona.drivers.fruit_body import (
+    HARD_MODULUS,
+    PAD_MODULUS,
+    UNKNOWN_PRESSURE,
+    bruising_force,
+)
 from pomona.drivers.interfaces import (
     OTHER_FRUIT,
     ForceSensor,
@@ -26,7 +31,6 @@ from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.settings import ForceLoopSettings, GripSettings, PadStiffness
-from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
@@ -89,17 +93,16 @@ def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], st
 
 def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None) -> None:
     """Add what pads, weight and width show of the held fruit to the account of the task, and what contradicts it."""
-    gripper = skill.device(Gripper)
     sensor = pressed_fingers(skill)
-    width = gripper.state().width
+    width = skill.device(Gripper).state().width
     found = [f"width {1e3 * width:.0f} mm"]
     if hold is not None and not hold.ended:
         reading = hold.reading
         found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
-        note_press(skill, "the pads", hold.pressed, fruit)
+        note_press(skill, "the pads", 0.5 * hold.peaks[1], fruit)
+        note_press(skill, "what it touched", hold.peaks[4] - reading.f_t, fruit, HARD_MODULUS)
         if fruit is not None:
-            contradictions = _contradictions(width, reading.f_t, fruit)
-            skill.account("the held fruit", "; ".join(contradictions))
+            skill.account("the held fruit", "; ".join(_contradictions(width, reading.f_t, fruit)))
     elif sensor is not None:
         found.append(f"pads {sum(pressing_forces(sensor)):.1f} N")
     skill.account(HELD, ", ".join(found))
@@ -110,16 +113,16 @@ def _contradictions(width: float, load: float, fruit: MeasuredFruit) -> Iterator
     least, most = NARROWEST * float(fruit.dimensions.min()), float(fruit.dimensions.max())
     if not least <= width <= most + CLEARANCE:
         yield f"the pads are {1e3 * width:.0f} mm apart at a fruit of {1e3 * most:.0f} mm"
-    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
-    if known is not None and load < (least := 0.5 * GRAVITY * (known[0] - 2.0 * known[1])):
+    known = fruit.mass
+    if known and load < (least := 0.5 * GRAVITY * (known[0] - 2.0 * known[1])):
         yield f"the held fruit weighs {load:.1f} N, {least:.1f} N at least for its size"
 
 
 def expected_load(fruit: MeasuredFruit) -> float:
     """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
-    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    known = fruit.mass
     # factor on the weight in a lift of 1 m/s²
-    return 0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1])
+    return 1.1 * GRAVITY * (known[0] + 2.0 * known[1]) if known else 0.0
 
 
 def bruising(fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS) -> float:
@@ -141,7 +144,7 @@ def note_press(
     skill: Skill, by: str, force: float, fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS
 ) -> None:
     """Add a measured force on a fruit [N] to the account of the task, as a share of the one that bruises it."""
-    share = force / bruising(fruit, modulus)
+    share = max(force, 0.01) / bruising(fruit, modulus)  # 0 is no press, but a lack
     skill.account(by, f"{by} pressed a fruit with {force:.1f} N, {share:.2f} of its limit", share)
 
 

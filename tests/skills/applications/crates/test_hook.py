@@ -8,11 +8,13 @@ from pomona.applications.crates import feeling
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hook import OUTER, Hook
 from pomona.applications.crates.hooks import pull_of
-from pomona.applications.crates.pull import bears_at_edges, bears_at_pads
+from pomona.applications.crates.pull import bears_at_edges, bears_below, weight_of
+from pomona.drivers.fruit_body import HARD_MODULUS
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.lease import notice_of
 from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.shared.held_fruit import bruising
 from pomona.skills.shared.touch import Touch
 from pomona.tools.mock import MockLoadSensor
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
@@ -43,7 +45,7 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["finger"] == pytest.approx(0.045, abs=1e-3)
     assert ball.rolled > 0.018
-    assert ball.most < bears_at_pads(a_hook()) + 1.0
+    assert ball.most < bears_below(a_hook()) + 1.0
     assert is_up_again(scene)
     assert outcome.duration < 24.0
     # it stopped at touches that it looked for: nobody is near
@@ -56,7 +58,7 @@ def test_a_finger_that_loses_a_larger_fruit_does_not_press_after_it():
     ball = RollingBall(scene, 0.0425)
     outcome = draw(scene)
     assert outcome.reason is None or outcome.reason.code == "NOTHING_MOVED"
-    assert ball.most < bears_at_pads(a_hook()) + 1.0
+    assert ball.most < bears_below(a_hook()) + 1.0
     assert is_up_again(scene)
 
 
@@ -69,7 +71,7 @@ def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(
     assert (outcome.reason.code if outcome.reason else None) == code
     moved = outcome.reason.data["moved_m"] if code else outcome.outputs["finger"]
     assert (moved < 0.015) is (code is not None)
-    assert ball.most < bears_at_pads(a_hook()) + 1.0
+    assert ball.most < bears_below(a_hook()) + 1.0
     assert is_up_again(scene)
 
 
@@ -78,6 +80,15 @@ def test_a_fruit_that_is_not_there_is_a_reason():
     outcome = draw(scene)
     assert outcome.reason.code == "NOTHING_MOVED"
     assert is_up_again(scene)
+
+
+def test_the_press_of_the_crate_is_in_the_account_of_a_pull_that_fails_too():
+    hook = a_hook()
+    (press,) = [
+        entry.press for topic, entry in draw(over_the_fruit()).published if topic == "account"
+    ]
+    weight = weight_of(hook) / bruising(hook.fruit, HARD_MODULUS)
+    assert weight <= press < weight + 0.1, "the weight, and the noise of the fingers"
 
 
 @pytest.mark.slow
@@ -213,7 +224,7 @@ def test_hard_edges_end_a_pull_within_its_step_below_the_force_that_bruises():
     load.feel = feel
     outcome = draw_with_wrist(scene, load)
     assert outcome.reason.code == "PULL_BLOCKED"
-    assert bears_at_edges(a_hook()) < most[0] < 1.3 * bears_at_edges(a_hook())
+    assert 0.5 * bears_at_edges(a_hook()) < most[0] < 1.3 * bears_at_edges(a_hook())
     assert is_up_again(scene)
 
 

@@ -10,14 +10,16 @@ from pomona.applications.crates.pull import (
     FARTHEST_OFF,
     HARDER,
     HITS,
-    LOWER,
     HookPull,
-    bears_at_pads,
+    bears_below,
+    weight_of,
 )
+from pomona.drivers.fruit_body import HARD_MODULUS
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.shared.held_fruit import bruising
 from tests.skills.applications.crates.wall_scene import AT_WALL, WALL, apple, hooks_at
 from tests.skills.picking_scene import ROBOT_MODEL, WORKSPACE
 
@@ -154,32 +156,46 @@ def test_a_point_of_a_rolling_ball_rises_as_its_motion_about_the_support_gives_i
 def test_a_pull_ends_when_its_force_is_reached_in_succession_or_the_finger_cannot_rise():
     hook = hooks_at(apple()).grasps[0]
     start = hook.T_base_grasp[:3, 3]
-    pull = HookPull(hook, start, limit=2.0)
-    (x, place), *_ = pull.places(0.03)
-    np.testing.assert_allclose((place - start) @ pull_of(hook), x)
-    assert not pull.ends(0.003, at_limit=False, change=0.5, down=0.2)
-    assert pull.limit == 2.0
+    pull = HookPull(hook, start, limit=1.0)
+    place = next(pull.places(0.03))
+    np.testing.assert_allclose((place - start) @ pull_of(hook), 0.003)
+    assert not pull.ends(place, at_limit=False, change=0.5, down=0.2)
+    assert pull.limit == 1.0
     for hit in range(1, HITS):
-        assert not pull.ends(0.003 * (1 + hit), at_limit=True, change=2.1, down=0.2)
-        assert pull.limit == pytest.approx(min(2.0 + hit * HARDER, bears_at_pads(hook)))
-    assert pull.came == 0.003
-    assert pull.ends(0.003 * (1 + HITS), at_limit=True, change=2.2, down=0.2)
-    assert (pull.came, pull.most) == (0.003, 2.2)
+        assert not pull.ends(place, at_limit=True, change=2.1, down=0.2)
+        assert pull.limit == pytest.approx(min(1.0 + hit * HARDER, bears_below(hook)))
+    assert pull.came == pytest.approx(0.003)
+    assert pull.ends(place, at_limit=True, change=2.2, down=0.2)
+    assert (pull.came, pull.most) == (pytest.approx(0.003), 2.2)
+    follows = HookPull(hook, start, limit=1.0)
+    for place in follows.places(0.045):
+        assert not follows.ends(place, at_limit=True, change=1.1, down=0.2), "the fruit follows"
+    assert (follows.way, follows.came) == (pytest.approx(0.045), 0.0)
     pressed = HookPull(hook, start, limit=2.0)
     pressed.off = FARTHEST_OFF
-    assert pressed.ends(0.003, at_limit=False, change=1.5, down=2.0 * DOWNWARDS)
+    assert pressed.ends(start, at_limit=False, change=1.5, down=2.0 * DOWNWARDS)
 
 
-def test_a_step_that_the_fruit_follows_sets_the_limit_back_and_the_first_steps_are_slow_and_low():
+def test_weight_and_finger_together_bruise_no_fruit_on_a_hard_floor():
+    hook = hooks_at(apple()).grasps[0]
+    bears = bruising(hook.fruit, HARD_MODULUS)
+    assert 2.5 < weight_of(hook) < 3.5
+    assert np.hypot(weight_of(hook) + DOWNWARDS, bears_below(hook)) == pytest.approx(bears)
+    assert HookPull(hook, hook.T_base_grasp[:3, 3], limit=5.0).limit == bears_below(hook)
+    heavy = replace(hook, fruit=replace(hook.fruit, fruit=replace(hook.fruit.fruit, mass=None)))
+    assert weight_of(heavy) == bears / 2.0
+
+
+def test_a_step_that_the_fruit_follows_sets_the_limit_back_and_the_first_steps_are_slow():
     hook = hooks_at(apple()).grasps[0]
     start = hook.T_base_grasp[:3, 3]
-    pull = HookPull(hook, start, limit=3.0)
-    heights, held = [], []
-    for x, place in pull.places(0.012):
-        heights.append(pull.off)
+    pull = HookPull(hook, start, limit=1.0)
+    held = []
+    for place in pull.places(0.012):
+        first = not held
         held.append(pull.is_held)
-        pull.ends(x, at_limit=x < 0.004, change=1.0, down=0.0)
-        assert (pull.limit > 3.0) is (x < 0.004)
+        pull.ends(start if first else place, at_limit=first, change=1.0, down=0.0)
+        assert (pull.limit > 1.0) is first
         assert place[2] < start[2] + 0.01
-    np.testing.assert_allclose(heights, [-LOWER, -2 * LOWER, -2 * LOWER, -2 * LOWER])
-    assert held == [True, True, False, False]
+    assert pull.off == 0.0, "a finger that presses into the flank keeps the fruit from tipping"
+    assert held == [True, True, True, False, False]

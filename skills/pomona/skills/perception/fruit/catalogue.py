@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.fruit_body import UNKNOWN_PRESSURE, FruitBody
+from pomona.drivers.fruit_body import FruitBody
 from pomona.executive.values.archives import open_archive
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file, with_includes
@@ -79,6 +79,7 @@ class FruitModel:
         faces: (m, 3) int32, normals outwards.
         dimensions: cuboid (d_x, d_y, d_z), d_y is the height [m].
         symmetry_axis: unit vector of the axis about which the fruit is nearly a body of revolution, towards the stem.
+        pressure: of a contact, up to which the fruit is not bruised [Pa].
         weights: the detector's weights for this fruit, None when there are none yet.
         photo_weights: weights that suit photographs better than `weights`, for `pomona detect`; None without any.
         stem: the stem in the object frame, for pictures only; None when the fruit has none.
@@ -86,7 +87,6 @@ class FruitModel:
         sizes: distribution of size and height over width of this kind, if it was learnt.
         mass: of a fruit of the model's size [kg]; None if no fruit was weighed.
         mass_spread: relative standard deviation of it among fruit of one size.
-        pressure: of a contact, up to which the fruit is not bruised [Pa].
     """
 
     name: str
@@ -94,6 +94,7 @@ class FruitModel:
     faces: NDArray[np.int32]
     dimensions: Annotated[NDArray[np.float64], Array(3, of=LENGTH)]
     symmetry_axis: Annotated[NDArray[np.float64], Array(3)]
+    pressure: Annotated[float, PRESSURE]
     weights: Path | None = None
     stem: Mesh | None = None
     colour: tuple[float, float, float] = (0.7, 0.1, 0.1)
@@ -101,7 +102,6 @@ class FruitModel:
     mass: Annotated[float | None, MASS] = None
     mass_spread: Annotated[float, RATIO] = 0.1
     photo_weights: Path | None = None
-    pressure: Annotated[float, PRESSURE] = UNKNOWN_PRESSURE
 
     @property
     def mesh(self) -> Mesh:
@@ -232,6 +232,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         faces=mesh.faces,
         dimensions=np.array(said.dimensions),
         symmetry_axis=axis / np.linalg.norm(axis),
+        pressure=said.pressure,
         weights=find_weights(folder, said.weights),
         stem=None if said.stem is None else _read_mesh(said.stem),
         colour=(said.colour[0], said.colour[1], said.colour[2]),
@@ -239,7 +240,6 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         mass=said.mass,
         mass_spread=said.mass_spread,
         photo_weights=find_weights(folder, said.photo_weights),
-        pressure=said.pressure,
     )
 
 
