@@ -289,3 +289,22 @@ def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
         == pomona(["schema", "campaign"])
         == 0
     )
+
+
+class Carry(Skill):
+    """Measure what the hand holds."""
+
+    measures = True
+
+    def run(self) -> None: ...
+
+
+def test_a_tree_whose_skills_measure_a_success_is_to_declare_one(tmp_path: Path) -> None:
+    registry = Registry({"Carry": Carry})
+    path = tmp_path / "t.yaml"
+    path.write_text("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Carry: {}\n")
+    (found,) = judge(read_document(path), registry, {}, None).findings.sorted()
+    assert (found.code, found.severity, found.line, found.column) == ("no-success", "warning", 5, 7)
+    assert "`success: put_away`" in found.hint
+    path.write_text(path.read_text().replace("root", "success: held\nroot"))
+    assert not judge(read_document(path), registry, {}, None).findings.sorted()

@@ -342,6 +342,8 @@ def test_a_wall_that_lets_go_of_the_fruit_again_ends_no_lift():
     outcome = fruit.lift(each_tick=wall)
     assert begun
     assert outcome.status is Status.SUCCESS
+    presses = {entry.about: entry.press for topic, entry in outcome.published if topic == "account"}
+    assert presses["a wall or a neighbour"] > 0.5, "of a large apple; 1.8 of one that was measured"
     assert len(fruit.scene.arm.followed) == 2
     assert fruit.risen == pytest.approx(0.15, abs=1e-3)
 

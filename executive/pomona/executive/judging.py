@@ -29,6 +29,10 @@ from pomona.executive.values.findings import (
 from pomona.executive.values.sections import Problem
 from pomona.executive.values.yaml_nodes import YamlScalar
 
+UNDECLARED = (
+    "write `success: held` or `success: put_away`; unmeasured it ends with status 4, since 0.2"
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Known:
@@ -153,6 +157,9 @@ def judge(
         if watched and moves and BLOCKED not in use.skill.failures:
             words = f"{use.node.label}: moves the {moves[0]} unwatched: once a person was noticed the run refuses it"
             findings.warning(use.node.key, "unwatched", words, "move it by `MovingSkill.travel`")
+        if use.skill.measures and document.main.success is None:
+            words = f"{use.node.label}: measures a success, and the tree declares none: its end counts as one"
+            findings.warning(use.node.key, "no-success", words, UNDECLARED)
     return Judged(file, findings, analysis)
 
 

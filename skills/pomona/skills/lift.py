@@ -38,6 +38,7 @@ from pomona.skills.shared.held_fruit import (
     HAND_DEVICES,
     is_held,
     note_held,
+    note_press,
     show_grip,
     watch_fruit,
 )
@@ -165,9 +166,11 @@ class Lift(MovingSkill):
             except GripOverloaded:
                 if active is None or active.problem is not None or height - risen() < BACK:
                     raise
-                yield from self.travel(
-                    way_up(), watch, carrying=grasp
-                )  # a wall or a neighbour has let go of the fruit
+                # It has let go of the fruit. Its force is not measured: the grip force that the load needed stands for it.
+                note_press(
+                    self, "a wall or a neighbour", active.peaks[3], grasp.fruit if grasp else None
+                )
+                yield from self.travel(way_up(), watch, carrying=grasp)
             watch()
             if scale is not None:
                 yield from self.wait(RESTING)
@@ -190,7 +193,7 @@ class Lift(MovingSkill):
             raise grip_failure(self, "LOST", f"the fruit was not lifted: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
-        note_held(self, hold, None if grasp is None else grasp.fruit)
+        note_held(self, hold, grasp.fruit if grasp else None)
 
     def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:
         """Wait until the force has fallen to the requirement of the load, and the fruit does not slide any more."""

@@ -180,9 +180,7 @@ class Release(PoseSkill):
         yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         width = self._opening(space)
         if hold is not None:
-            note_press(
-                self, "the pads", 0.5 * hold.peaks[1], None if grasp is None else grasp.fruit
-            )
+            note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
         take_over(gripper)
         yield from self._open(width)
         unfelt = self.optional_device(ForceSensor) is None

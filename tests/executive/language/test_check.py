@@ -701,20 +701,3 @@ def test_a_sign_that_looks_like_a_space_may_stand_in_a_text(findings_of):
 
 def test_a_tab_that_only_stands_between_words_is_no_mistake(findings_of):
     assert findings_of("root:\n  Beep:\t{times: 2}\n") == []
-
-
-class Carry(Skill):
-    """Measure what the hand holds."""
-
-    measures = True
-
-    def run(self) -> None: ...
-
-
-def test_a_tree_whose_skills_measure_a_success_is_to_declare_one() -> None:
-    registry = Registry({"Carry": Carry})
-    text = HEAD + sequence("Carry: {}", "Carry: {}")
-    found = only(check(read(text, "t.yaml"), registry), "no-success", "warning")
-    assert (found.line, found.column) == (5, 7)
-    assert "`success: put_away`" in found.hint
-    assert not check(read(text.replace("root", "success: held\nroot"), "t.yaml"), registry)

@@ -166,7 +166,7 @@ root:
 """,
         "7:16: error[unknown-field]: a measured_fruit has no field 'width'; it has mu (ratio), sigma "
         "(length), inlier_ratio (ratio), residual (length), dimensions (array of 3 lengths), fruit "
-        "(fruit_model), contour (ndarray), frame (frame) and 9 more",
+        "(fruit_model), contour (ndarray), frame (frame) and 10 more",
     ),
     "dimensions": WrongTree(
         """\

@@ -136,7 +136,6 @@ class _Checker:
         for definition in definitions:
             self.definition(definition)
         self.lacking_devices()
-        self.undeclared_success()
         self.analysis.finite = not self.recursive and self.size(order)
         if not self.findings.errors:  # a mistyped name would be reported twice
             self.never_read(definitions)
@@ -252,18 +251,6 @@ class _Checker:
             )
             message = f"the cell has no {device}, which {keys[0].text} needs{places}"
             self.findings.error(keys[0], "no-device", message)
-
-    def undeclared_success(self) -> None:
-        """Warn of a tree whose skills measure a success that it does not declare: its end counts as one."""
-        for found in self.analysis.resolved.values() if self.document.main.success is None else ():
-            if found.skill is not None and found.skill.measures:
-                self.findings.warning(
-                    found.node.key,
-                    "no-success",
-                    f"{found.node.key.text} measures a success, and the tree declares none: its end counts as one",
-                    "write `success: held` or `success: put_away`; unmeasured it ends with status 4, since 0.2",
-                )
-                break
 
     def never_read(self, definitions: Sequence[Definition]) -> None:
         """Warn of parameters, inputs and subtrees that nothing uses."""

@@ -109,8 +109,13 @@ def lower_to_support(
         except TouchedDown:
             doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
             if not doubt:
-                fruit = None if grasp is None else grasp.fruit
-                note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
+                note_press(
+                    skill,
+                    "its support",
+                    touch.pressed,
+                    grasp.fruit if grasp else None,
+                    HARD_MODULUS,
+                )
             return doubt
     return "" if ends_on else "the fruit met nothing"
 

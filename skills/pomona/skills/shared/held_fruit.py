@@ -8,12 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from pomona.drivers.fruit_body import (
-    HARD_MODULUS,
-    PAD_MODULUS,
-    UNKNOWN_PRESSURE,
-    bruising_force,
-)
+from pomona.drivers.fruit_body import PAD_MODULUS, UNKNOWN_PRESSURE, bruising_force
 from pomona.drivers.interfaces import (
     OTHER_FRUIT,
     ForceSensor,
@@ -100,7 +95,6 @@ def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None
         reading = hold.reading
         found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
         note_press(skill, "the pads", 0.5 * hold.peaks[1], fruit)
-        note_press(skill, "what it touched", hold.peaks[4] - reading.f_t, fruit, HARD_MODULUS)
         if fruit is not None:
             skill.account("the held fruit", "; ".join(_contradictions(width, reading.f_t, fruit)))
     elif sensor is not None:
@@ -144,7 +138,7 @@ def note_press(
     skill: Skill, by: str, force: float, fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS
 ) -> None:
     """Add a measured force on a fruit [N] to the account of the task, as a share of the one that bruises it."""
-    share = max(force, 0.01) / bruising(fruit, modulus)  # 0 is no press, but a lack
+    share = force / bruising(fruit, modulus)
     skill.account(by, f"{by} pressed a fruit with {force:.1f} N, {share:.2f} of its limit", share)
 
 

@@ -149,7 +149,7 @@ def test_a_tree_gets_the_new_words_and_the_rest_stays_byte_for_byte(
     assert "the skill 'Shake' was removed in 0.2: no tree needs it\n" in out
     assert "keep 1 s, or 2 s of 'hold_time' in line 14" in out
     assert "end counts as one" in out
-    assert out.endswith("4 errors and 1 warning.\n")
+    assert out.endswith("4 errors and 2 warnings.\n")
 
 
 def test_a_second_time_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,7 +170,7 @@ def test_check_shows_the_changes_and_writes_nothing(capsys: pytest.CaptureFixtur
     out = capsys.readouterr().out
     assert out.count(" → ") == 3
     assert "end counts as one" in out
-    assert out.endswith("4 errors and 1 warning.\n")
+    assert out.endswith("4 errors and 2 warnings.\n")
 
 
 def test_a_file_of_this_version_is_done(capsys: pytest.CaptureFixture[str]) -> None:
