@@ -138,7 +138,8 @@ def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -
 def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
     measured = SimpleNamespace(
         dimensions=np.array([WIDTH, 0.06, WIDTH]),
-        fruit=SimpleNamespace(mass=None, name="apple"),
+        fruit=SimpleNamespace(mass=None, name="apple", pressure=1e5),
+        mass=None,
         covariance=np.eye(6),
     )
     known, unknown = Rig(opening=0.103), Rig(opening=0.103)
@@ -152,7 +153,8 @@ def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
     """An apple of 62 mm bruises from 5 N of a finger on; a moment that needs more is a problem of the grip instead."""
     measured = SimpleNamespace(
         dimensions=np.array([0.062, 0.054, 0.062]),
-        fruit=SimpleNamespace(mass=None, name="apple"),
+        fruit=SimpleNamespace(mass=None, name="apple", pressure=1e5),
+        mass=None,
         covariance=np.eye(6),
     )
     rig = Rig(opening=0.074, width=0.062)

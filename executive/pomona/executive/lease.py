@@ -52,8 +52,9 @@ class Notice:
 
     def against(self, skill: str) -> str:
         """Return why a skill must not move a device, empty if it may."""
-        held = self.why and skill not in self.watched
-        return f"nothing watches its motion after '{self.why}'" if held else ""
+        if not self.why or skill in self.watched:
+            return ""
+        return f"nothing watches its motion after '{self.why}'"
 
 
 _NOTICES: WeakKeyDictionary[object, Notice] = WeakKeyDictionary()

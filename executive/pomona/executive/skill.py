@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
 import py_trees
 from py_trees.common import Status
 
-from pomona.executive.account import Account, AccountEntry
+from pomona.executive.account import AccountEntry
 from pomona.executive.clock import Clock
 from pomona.executive.errors import SkillError
 from pomona.executive.lease import BLOCKED, notice_of
@@ -142,13 +142,14 @@ class CellFacts(Protocol):
 
 
 class SkillContext(Protocol):
-    """Services of a run for its skills; `account` is that of the task."""
+    """Services of a run for its skills; `lacking`: presses beyond a fruit's limit, and what else the task lacks."""
 
     @property
     def clock(self) -> Clock:
         """The cell's clock."""
 
-    account: Account
+    @property
+    def lacking(self) -> tuple[Any, ...]: ...
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.

@@ -13,7 +13,6 @@ from typing import Any, TypeVar, cast
 
 from py_trees.common import Status
 
-from pomona.executive.account import Account
 from pomona.executive.clock import Clock, ManualClock
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.lease import Leases
@@ -54,7 +53,7 @@ class BenchContext:
     computing: int = 0
     computations: list[_Finished] = field(default_factory=list)
     published: list[tuple[str, object]] = field(default_factory=list)
-    account: Account = field(default_factory=Account)
+    lacking: tuple[Any, ...] = (0,)
     halting: list[tuple[Skill, Work[Any]]] = field(default_factory=list)
     refused: list[NotOwnerError] = field(default_factory=list)
 

@@ -183,15 +183,17 @@ class Release(PoseSkill):
             note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
         take_over(gripper)
         yield from self._open(width)
-        unfelt = self.optional_device(ForceSensor) is None
-        if unfelt and (left := between(gripper.state(), gripper.limits)):
+        if self.optional_device(ForceSensor) is None and (
+            left := between(gripper.state(), gripper.limits)
+        ):
             raise self.failure(
                 "HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held"
             )
         if into is not None:
             by = "width over a known support" if ends_on else "pads or wrist, a support carries it"
-            opened = 1e3 * gripper.state().width
-            self.account(PUT_AWAY, f"{by}; the fingers are open, {opened:.0f} mm")
+            self.account(
+                PUT_AWAY, f"{by}; the fingers are open, {1e3 * gripper.state().width:.0f} mm"
+            )
         yield from follow_way(
             self, vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED"), RISING
         )

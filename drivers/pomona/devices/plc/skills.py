@@ -230,8 +230,7 @@ class SetPartial(OutputSkill):
         self,
         signal: Annotated[str, Port(help="name of an output in the cell file")],
     ) -> Work[None]:
-        account = self.context.account
-        lacking = account.bruises, *filter(None, account.lacking.values())
+        lacking = self.context.lacking
         before = _LACKED.get(self.clock, (0,))
         _LACKED[self.clock] = lacking
         yield from self.accepted(signal, not set(before).issuperset(lacking), TAKEN)

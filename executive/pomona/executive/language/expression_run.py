@@ -299,8 +299,7 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
         case Reference() | Member() | Index():
             return ({said(expression): Possible(among=frozenset({wanted}))},)
         case Constant() | Items() | Unary() | Binary() | FunctionCall():
-            value = _fold(expression, known)
-            return () if value is (not wanted) else _ANYTHING
+            return () if _fold(expression, known) is (not wanted) else _ANYTHING
         case _:
             assert_never(expression)
 
@@ -310,8 +309,7 @@ def _comparison(expression: Binary, wanted: bool, known: Mapping[str, Any]) -> t
     left = _fold(expression.left, known)
     right = _fold(expression.right, known)
     if isinstance(left, Plain) and isinstance(right, Plain):
-        value = _fold(expression, known)
-        return () if value is (not wanted) else _ANYTHING
+        return () if _fold(expression, known) is (not wanted) else _ANYTHING
     about = expression.left
     if isinstance(left, Plain) and operator in _FLIPPED:
         about = expression.right

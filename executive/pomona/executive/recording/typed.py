@@ -67,8 +67,7 @@ def reason_from(value: Any) -> Reason:
         TypeError, KeyError: the value is no reason.
         ValueError: it has too many causes, or they are nested too deeply.
     """
-    left = [MOST_CAUSES]
-    return _reason(value, 0, left)
+    return _reason(value, 0, [MOST_CAUSES])
 
 
 def _reason(value: Any, depth: int, left: list[int]) -> Reason:

@@ -327,6 +327,10 @@ class RunContext:
     # --------------------------------------------------------------------------------------- SkillContext
 
     @property
+    def lacking(self) -> tuple[Any, ...]:
+        return self.account.bruises, *filter(None, self.account.lacking.values())
+
+    @property
     def clock(self) -> Clock:
         return self._clock
 

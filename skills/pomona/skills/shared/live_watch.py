@@ -222,8 +222,9 @@ class LiveWatch:
     def _posture(self, stamp: float) -> Float64:
         """Return joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
         times = [state.stamp for state in self._states]
-        joints = np.transpose([state.q for state in self._states])
-        return np.array([np.interp(stamp, times, q) for q in joints])
+        return np.array(
+            [np.interp(stamp, times, q) for q in np.transpose([state.q for state in self._states])]
+        )
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
         self._refuse_untrue(camera, frame)

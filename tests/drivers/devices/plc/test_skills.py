@@ -10,7 +10,7 @@ from py_trees.common import Status
 from pomona.devices.plc.signals import SignalNames, Signals
 from pomona.devices.plc.skills import Handshake, SetPartial, SetSignal, WaitSignal
 from pomona.executive import ManualClock, SkillEnd, drive
-from pomona.executive.account import AccountEntry
+from pomona.executive.account import Account, AccountEntry
 from pomona.executive.skill_testing import BenchContext
 from tests.drivers.devices.plc.mock_signals import MockSignals
 
@@ -160,7 +160,7 @@ def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_on
     plc: MockSignals, clock: ManualClock
 ) -> None:
     context = BenchContext(clock, {Signals: plc})
-    account = context.account
+    account = Account()
     skill = SetPartial()
     skill.bind(context, "SetPartial", lambda: {"signal": "busy"}, {}.__setitem__)
     told = []
@@ -174,6 +174,7 @@ def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_on
     ):
         account.add(AccountEntry("the pads", "pressed", press))
         account.add(AccountEntry("fruit 1", lacking))
+        context.lacking = account.bruises, *filter(None, account.lacking.values())
         skill.tick_once()
         while skill.status is Status.RUNNING:
             clock.advance(0.02)

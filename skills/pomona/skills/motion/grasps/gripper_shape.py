@@ -216,5 +216,4 @@ def extent(
 
 
 def _deviation(covariance: Float64, direction: Float64) -> float:
-    variance = float(direction @ covariance @ direction)
-    return float(np.sqrt(max(variance, 0.0)))
+    return float(np.sqrt(max(direction @ covariance @ direction, 0.0)))

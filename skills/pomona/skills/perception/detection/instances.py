@@ -102,8 +102,7 @@ def inside(box: Float64, width: int, height: int) -> Float64:
     """Return the part of a box x, y, w, h (4,) [px] that lies in the picture, written alike."""
     limits = np.array([width, height], np.float64)
     low = np.clip(box[:2], 0.0, limits)
-    high = np.clip(box[:2] + box[2:], 0.0, limits)
-    return np.concatenate([low, high - low])
+    return np.concatenate([low, np.clip(box[:2] + box[2:], 0.0, limits) - low])
 
 
 SCALES = np.array([0.97, 1.25, 1.99])
