@@ -13,7 +13,8 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    "fruit", [pytest.param(2, marks=pytest.mark.landmark), pytest.param(6, marks=pytest.mark.long)]
+    "fruit",
+    [pytest.param(1, marks=pytest.mark.landmark), 2, pytest.param(6, marks=pytest.mark.long)],
 )
 def test_a_crate_is_emptied_into_the_tray(fruit: int) -> None:
     received: list[Event] = []

@@ -217,6 +217,13 @@ def test_export_and_import_give_a_tree_file_again(
     assert "nothing is wrong" in capsys.readouterr().out
 
 
+def test_a_note_of_a_cell_is_given_once_for_all_trees_that_name_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["check", "pick_apple", "pick_and_place"]) == 0
+    assert capsys.readouterr().out.count("note[unseen]") == 1
+
+
 def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["skills"]) == 0
     listed = " ".join(capsys.readouterr().out.split())

@@ -68,6 +68,7 @@ def main(options: argparse.Namespace) -> int:
     for name in options.files:
         path = find_tree(name)
         found += _fix(path, cell, settings) if options.fix else check_file(path, cell, settings)
+    found = list(dict.fromkeys(found))  # those of a cell that several trees name
     if options.json:
         write_json([dataclasses.asdict(finding) for finding in found])
         return 2 if any(finding.severity == "error" for finding in found) else 0
