@@ -142,14 +142,15 @@ class CellFacts(Protocol):
 
 
 class SkillContext(Protocol):
-    """Services of a run for its skills; `lacking`: presses beyond a fruit's limit, and what else the task lacks."""
+    """Services of a run for its skills."""
 
     @property
     def clock(self) -> Clock:
         """The cell's clock."""
 
     @property
-    def lacking(self) -> tuple[Any, ...]: ...
+    def lacking(self) -> tuple[Any, ...]:
+        """What the task lacks so far: number of presses beyond a fruit's limit, then words."""
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.

@@ -72,7 +72,7 @@ from pomona.tools.dashboard.command_dashboard import Launcher
 from pomona.tools.dashboard.control_lock import ControlLock
 from pomona.tools.dashboard.explain import explain
 from pomona.tools.dashboard.messages import encode, numbered
-from pomona.tools.dashboard.presses import Presses, object_of
+from pomona.tools.dashboard.presses import ButtonPresses, object_of
 from pomona.tools.dashboard.record_messages import cloud, image, moment, overview
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
@@ -315,7 +315,7 @@ class Desk:
         self.path = next(iter(self.runner.tree.questions))
         self.lock = ControlLock()
         self.lock.serve(self.runner)
-        self.presses, self.loop = Presses(self.lock), asyncio.new_event_loop()
+        self.presses, self.loop = ButtonPresses(self.lock), asyncio.new_event_loop()
         self.launcher = Launcher(
             Dashboard(Access("127.0.0.1", 0), Path("none")), Path("none"), Choices.installed()
         )

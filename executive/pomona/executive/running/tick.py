@@ -328,6 +328,7 @@ class RunContext:
 
     @property
     def lacking(self) -> tuple[Any, ...]:
+        """See `SkillContext`."""
         return self.account.bruises, *filter(None, self.account.lacking.values())
 
     @property

@@ -1,4 +1,4 @@
-"""Presses of buttons: each is carried out once, in time or not at all, and answered."""
+"""ButtonPresses of buttons: each is carried out once, in time or not at all, and answered."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class TooLateError(RefusedError):
     """A press that was made too long ago."""
 
 
-class Presses:
+class ButtonPresses:
     """Requests of pages. A press arrives over the live stream, or as a request, repeatedly until it is answered: its id
     `press` makes them one. Use it in the server's loop."""
 

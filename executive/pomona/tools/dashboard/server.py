@@ -38,7 +38,7 @@ from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
 from pomona.tools.dashboard.hub import Hub, Viewer
-from pomona.tools.dashboard.presses import Presses, now, object_of, refuse_late, text
+from pomona.tools.dashboard.presses import ButtonPresses, now, object_of, refuse_late, text
 from pomona.tools.dashboard.reading import RecordReading
 from pomona.tools.dashboard.record_messages import (
     between,
@@ -98,7 +98,7 @@ class Dashboard:
         self.hub = Hub()
         self.control = ControlLock(self.announce)
         self._control: RunControl = remote or self.control
-        self.presses = Presses(self._control)
+        self.presses = ButtonPresses(self._control)
         self._index = RunIndex(records)
         self._asides = Asides(records)
         self._start_run: StartRun | None = None

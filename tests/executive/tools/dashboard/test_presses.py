@@ -1,4 +1,4 @@
-"""Presses arrive once, in time, or not at all; a stop reaches a run that is only being prepared."""
+"""ButtonPresses arrive once, in time, or not at all; a stop reaches a run that is only being prepared."""
 
 from __future__ import annotations
 
@@ -20,7 +20,13 @@ from pomona.executive.running.starting import StartCancelledError
 from pomona.executive.running.tick import EventStream
 from pomona.tools.dashboard import presses
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
-from pomona.tools.dashboard.presses import PATIENCE, SAFE_STOP_PATIENCE, Presses, TooLateError, now
+from pomona.tools.dashboard.presses import (
+    PATIENCE,
+    SAFE_STOP_PATIENCE,
+    ButtonPresses,
+    TooLateError,
+    now,
+)
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
 from tests.executive.loops import in_loop
@@ -64,7 +70,7 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
     desk = StoppedControlLock()
 
     async def twice() -> list[dict[str, Any]]:
-        served = Presses(desk)
+        served = ButtonPresses(desk)
         answers = asyncio.gather(served.answer(press()), served.answer(press()))
         await asyncio.sleep(0)
         desk.go.set()
@@ -82,7 +88,7 @@ def test_an_old_press_is_not_carried_out(action: str, patience: float) -> None:
     desk = StoppedControlLock()
     for pressed in (now() - patience - 0.1, float("nan"), float("-inf"), -(10**400)):
         with pytest.raises(TooLateError):
-            in_loop(Presses(desk).answer(press(action=action, pressed=pressed)))
+            in_loop(ButtonPresses(desk).answer(press(action=action, pressed=pressed)))
     assert desk.stops == []
 
 
@@ -91,7 +97,7 @@ def test_a_stop_is_carried_out_whatever_stands_for_its_time() -> None:
         desk = StoppedControlLock()
         desk.go.set()
         assert (
-            in_loop(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"]
+            in_loop(ButtonPresses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"]
             == "safe state"
         )
 
@@ -100,7 +106,7 @@ def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
     desk = StoppedControlLock()
 
     async def hang() -> str:
-        served = Presses(desk)
+        served = ButtonPresses(desk)
         hanging = asyncio.ensure_future(served.answer(press()))
         await asyncio.sleep(0)
         taken = await asyncio.wait_for(served.answer(press(press="p2", action="take")), 60.0)
@@ -113,7 +119,7 @@ def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
 
 def test_old_answers_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(presses, "MOST_ANSWERS", 3)
-    served = Presses(ControlLock())
+    served = ButtonPresses(ControlLock())
 
     async def many() -> int:
         for number in range(10):
@@ -217,7 +223,7 @@ def test_a_double_click_and_a_second_page_answer_one_question_once() -> None:
     )
     desk.serve(runner)
     desk.take("v", "ada")
-    served, refused = Presses(desk), []
+    served, refused = ButtonPresses(desk), []
 
     async def send(number: int, viewer: str, name: str) -> None:
         try:
