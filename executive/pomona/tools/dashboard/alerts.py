@@ -128,8 +128,11 @@ class Alerts:
             problem: Exception = error
         except (OSError, HTTPException, ValueError) as error:  # the answer may be no HTTP at all
             problem = error
-        words = "the alert was not taken by %s: %s; the next run's end sends it again"
-        logger.warning(words, self._rule.address, problem)
+        logger.warning(
+            "the alert was not taken by %s: %s; the next run's end sends it again",
+            self._rule.address,
+            problem,
+        )
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):

@@ -115,7 +115,21 @@ def _ask(path: Path, found: list[Finding]) -> None:
             sys.stdout.write(f"{format_finding(finding)}\n")
             answer = input(f"{' or '.join(new)}? [Enter leaves it as it is] ").strip()
             if answer in new:
-                at = finding.excerpt.index(word, finding.column - 1)
-                edit = Edit(finding.line, at + 1, len(word), answer)
-                chosen = dataclasses.replace(finding, edits=(edit,))
-                _print_changes(write_edits(path, [chosen]))
+                _print_changes(
+                    write_edits(
+                        path,
+                        [
+                            dataclasses.replace(
+                                finding,
+                                edits=(
+                                    Edit(
+                                        finding.line,
+                                        finding.excerpt.index(word, finding.column - 1) + 1,
+                                        len(word),
+                                        answer,
+                                    ),
+                                ),
+                            )
+                        ],
+                    )
+                )

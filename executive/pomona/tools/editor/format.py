@@ -214,8 +214,7 @@ def _comment_apart(line: str, before: str, end: int | None) -> str:
         return line
     comment = before[end:].lstrip()
     said = line[: len(line) - len(before[end:])].rstrip()
-    gap = len(before[end:]) - len(comment)
-    return f"{said}{' ' * max(gap, 2)}{comment}"
+    return f"{said}{' ' * max(len(before[end:]) - len(comment), 2)}{comment}"
 
 
 def _is_empty(token: Any) -> bool:

@@ -273,7 +273,9 @@ def _prune(options: argparse.Namespace) -> int:
         return 1
     for stays in filter(None, [pruning.remove(options.record / run) for run in chosen]):
         console.print(stays, soft_wrap=True)
-    console.print(f"removed {sum(not (options.record / run).exists() for run in chosen)} records")
+    console.print(
+        f"removed {sum(not events_file(options.record / run).exists() for run in chosen)} records"
+    )
     return 0
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest
 from pomona.executive.recording.folder import ENDING_FILE, EVENTS_FILE, is_being_written
+from pomona.executive.run_views import RunViews
 from pomona.executive.running.supervise import REPORT
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import Quantity
@@ -18,9 +20,10 @@ AGE = Measure(
 )
 SIZE = Measure(Quantity("size", {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}), low="0 B")
 
-_KEPT = ".damaged", ".tail"  # by a repair
-WRITTEN = [f"{EVENTS_FILE}{kept}" for kept in ("", *_KEPT)]
-WRITTEN += [ENDING_FILE, REPORT, "summary.json", "tree.yaml", "cell.yaml", "picture.png"]
+WRITTEN = (
+    f"{EVENTS_FILE} {EVENTS_FILE}.damaged {EVENTS_FILE}.tail {ENDING_FILE} {REPORT} "
+    "summary.json tree.yaml cell.yaml picture.png"
+).split()
 
 
 def choose(
@@ -40,7 +43,7 @@ def choose(
         total: the oldest ones, until the rest is within this many bytes.
         now: seconds since 1970.
     """
-    now = time.time() if now is None else now
+    now = now or time.time()
     chosen: dict[str, str] = {}
     size = 0
     for number, run in enumerate((run for run in runs if run.state != "running"), start=1):
@@ -57,7 +60,7 @@ def choose(
 def remove(folder: Path) -> str:
     """Remove the files of one record, and its folder; return why it stays, or an empty text.
 
-    Raises UsageError: it cannot be removed.
+    A view of a run names in `files` what it leaves in the folder. Raises UsageError: it cannot be removed.
     """
     if is_being_written(folder / EVENTS_FILE):
         return f"{folder} stays: a run writes it"
@@ -65,10 +68,12 @@ def remove(folder: Path) -> str:
         if folder.is_symlink():
             folder.unlink()
             return ""
-        for name in WRITTEN:
+        for name in chain(WRITTEN, *(getattr(view, "files", ()) for view in RunViews.installed())):
             (folder / name).unlink(missing_ok=True)
         if any(folder.iterdir()):
-            return f"{folder} stays: it holds files that no run wrote"
+            return (
+                f"{folder}: its record is removed; it stays, since it holds files that no run wrote"
+            )
         folder.rmdir()
     except OSError as error:
         raise UsageError(f"{folder} cannot be removed: {error.strerror}") from error

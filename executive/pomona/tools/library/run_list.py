@@ -69,8 +69,7 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
             ),
         )
     console.print(table)
-    counted = Counter(map(how, runs))
-    words = ", ".join(f"{number} {word}" for word, number in counted.most_common())
+    words = ", ".join(f"{number} {word}" for word, number in Counter(map(how, runs)).most_common())
     shown = f"{len(runs)}{'' if len(runs) == of else f' of {of}'} run{'s' * (of != 1)}"
     console.print(f"{shown}, {size(total)} in all: {words or 'none'}", style="dim")
 

@@ -31,6 +31,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.findings import Findings, Source
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yaml, written
 from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
+from pomona.tools.caliper.run_view import NOTED
 
 # difference of two poses of a camera in its mount from which they are two calibrations
 SAME_POSE = 1e-6
@@ -207,7 +208,6 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-NOTED = "touches.json"  # file in a record's folder with its touches, so that they are not looked for in every start
 MOST_RUNS = 30  # newest runs that are looked at
 MOST_NOTED = 10_000_000  # longest note that is read [bytes]: 2 000 picks
 Noted = tuple[

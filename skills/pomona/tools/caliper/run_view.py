@@ -24,6 +24,7 @@ from pomona.executive.running.events import Event, Published, RunEnded, RunStart
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.views import TableView
 
+NOTED = "touches.json"  # file in a record's folder with its touches, so that they are not looked for in every start
 TOPIC = "camera"  # of the page's table
 LONGEST = 10.0  # longest wait for the words about the last pick, after the run [s]
 
@@ -31,6 +32,7 @@ LONGEST = 10.0  # longest wait for the words about the last pick, after the run 
 class TouchesView(RunView):
     """Words about the camera after each pick."""
 
+    files = (NOTED,)
     _console: Screen
     _others: Sequence[RunView]
     _words: CameraWords

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
@@ -13,6 +14,7 @@ from pomona.executive.cli import main
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
+from pomona.executive.run_views import RunViews
 
 TREE = """\
 pomona: 1
@@ -230,6 +232,18 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
     assert "no record to remove" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
 
 
+def test_prune_removes_what_a_view_of_the_run_left_there(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = [SimpleNamespace(files=("note.json",)), SimpleNamespace()]
+    monkeypatch.setattr(RunViews, "installed", lambda: views)
+    for name in ("a", "b"):
+        write(Path("runs") / name, SUCCEEDED)
+    Path("runs/a/note.json").write_text("{}")
+    assert "removed 1 records" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
+    assert not Path("runs/a").exists()
+
+
 def test_prune_removes_what_runs_wrote_and_leaves_a_persons_files(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -238,7 +252,8 @@ def test_prune_removes_what_runs_wrote_and_leaves_a_persons_files(
     Path("runs/a/chapter.tex").write_text("my notes")
     Path("runs/a/frames").mkdir()
     said = say(capsys, "runs", "prune", "--keep", "1", "--yes")
-    assert "runs/a stays: it holds files that no run wrote" in said
+    assert "runs/a: its record is removed; it stays, since it holds files" in said
+    assert "removed 2 records" in said
     assert sorted(path.name for path in Path("runs").rglob("*") if path.parent.name != "c") == [
         "a", "c", "chapter.tex", "frames", "index.json"
     ]  # fmt: skip

@@ -13,7 +13,7 @@ import pytest
 from pomona.executive.cell.cell_file import CellFile, read_cell_file
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, admitted
-from pomona.tools.caliper.records import NOTED
+from pomona.tools.caliper.run_view import NOTED
 from tests.skills.tools.caliper.recorded_runs import picks_of, write_run
 from tests.skills.tools.caliper.synthetic import doubted
 

@@ -14,8 +14,8 @@ from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event, Published, RunEnded, StateChanged
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.views import TableView
-from pomona.tools.caliper.records import NOTED, note_touches
-from pomona.tools.caliper.run_view import TouchesView
+from pomona.tools.caliper.records import note_touches
+from pomona.tools.caliper.run_view import NOTED, TouchesView
 from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import recorded
 
