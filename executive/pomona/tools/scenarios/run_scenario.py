@@ -31,7 +31,8 @@ class DryContext:
     """A `SkillContext` without a cell: mocks need nothing but a clock."""
 
     def __init__(self) -> None:
-        self.clock: Clock = ManualClock()
+        self.clock = ManualClock()
+        self.lacking = ()
 
     def device(self, interface: type[T], skill: Skill) -> T:
         raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")
@@ -225,16 +226,14 @@ def _problems(
             f"expected the failure {case.expect.code}, got {reason.code}: {reason.message}"
         )
     if case.expect.node and reason is not None:
-        leaves = [leaf.node_path for leaf in reason.leaves()]
-        if not set(tree.find(case.expect.node)).intersection(leaves):
-            found.append(
-                f"expected {case.expect.node} to fail, it was {', '.join(dict.fromkeys(leaves))}"
-            )
+        leaves = dict.fromkeys(leaf.node_path for leaf in reason.leaves())
+        if not leaves.keys() & tree.find(case.expect.node):
+            found.append(f"expected {case.expect.node} to fail, it was {', '.join(leaves)}")
     for name in case.visits:
-        if not starts.keys() & set(tree.find(name)):
+        if not starts.keys() & tree.find(name):
             found.append(f"'{name}' was never reached")
     for name in case.never:
-        if starts.keys() & set(tree.find(name)):
+        if starts.keys() & tree.find(name):
             found.append(f"'{name}' was reached")
     for name, wanted in case.calls.items():
         calls = sum(starts.get(path, 0) for path in tree.find(name))
