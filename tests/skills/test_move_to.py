@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from pomona.executive.skill_testing import drive
 from pomona.skills.motion.collision import CollisionWorld, Convex
 from pomona.skills.move_to import MoveTo
 from pomona.skills.shared.moving import named_pose
-from tests.skills.motion.planning.test_arm_space import GOAL as UPRIGHT, tilts
 from tests.skills.overhead import BeltBeside, comes_near, watched
 from tests.skills.picking_scene import (
     HOME,
@@ -106,55 +104,6 @@ def test_a_held_fruit_is_avoided_for_and_moved_gently():
     p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
     acceleration = np.gradient(np.gradient(p, path.t, axis=0), path.t, axis=0)
     assert 1.5 < np.linalg.norm(acceleration, axis=1).max() <= 2.0 + 1e-3
-
-
-def test_a_held_fruit_stays_upright_on_the_way():
-    grasp = a_grasp(1, 3)
-    workspace = replace(WORKSPACE, poses={"there": UPRIGHT})
-    scene = PickingScene(q=grasp.q_pre_grasp[0].copy(), width=0.085, workspace=workspace)
-    inputs = {
-        "pose": "there",
-        "carrying": grasp,
-        "upright": np.radians(5.0),
-        "clearance": 0.005,
-        "budget": 2.0,
-    }
-    outcome = drive(MoveTo(), inputs, scene.devices, clock=scene.clock)
-    assert outcome.status is Status.SUCCESS
-    path = scene.arm.followed[0].q
-    assert np.degrees(tilts(path, 3)).max() < 5.6
-    assert np.degrees(tilts(path[[0, -1]])).max() > 15.0  # the straight way would have tilted it
-
-
-@pytest.mark.parametrize("where", ["start", "goal"])
-def test_a_pose_that_would_tilt_the_fruit_is_reported_and_nothing_moves(where):
-    grasp = a_grasp(1, 3)
-    tilted = grasp.q_pre_grasp[0].copy()
-    tilted[5] += 0.3
-    start, goal = (tilted, UPRIGHT) if where == "start" else (grasp.q_pre_grasp[0], tilted)
-    scene = PickingScene(
-        q=start.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": goal})
-    )
-    inputs = {"pose": "there", "carrying": grasp, "upright": np.radians(10.0)}
-    reason = drive(MoveTo(), inputs, scene.devices, clock=scene.clock).reason
-    assert reason.code == "WOULD_TILT"
-    assert ("the arm's present position" if where == "start" else "at the pose") in reason.message
-    assert "tilted by 17°, 10° are allowed" in reason.message
-    assert scene.arm.followed == []
-
-
-def test_without_a_grasp_upright_means_as_the_arm_holds_it_now():
-    grasp = a_grasp(1, 3)
-    tilted = grasp.q_pre_grasp[0].copy()
-    tilted[5] += 0.3
-    scene = PickingScene(
-        q=tilted.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": UPRIGHT})
-    )
-    reason = drive(
-        MoveTo(), {"pose": "there", "upright": np.radians(10.0)}, scene.devices, clock=scene.clock
-    ).reason
-    assert reason.code == "WOULD_TILT"
-    assert "at the pose" in reason.message
 
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])

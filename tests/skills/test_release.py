@@ -57,7 +57,7 @@ def test_it_lowers_until_the_fruit_is_carried_then_opens_and_rises():
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=watch)
     assert outcome.status is Status.SUCCESS
     assert before - 0.068 < heights[0] < before - 0.06
-    assert scene.gripper.moves[0].speed <= 0.05
+    assert scene.gripper.moves[0].speed <= 0.1
     assert scene.gripper.width == pytest.approx(0.10, abs=1e-3)
     assert scene.tcp[2, 3] == pytest.approx(before, abs=1e-3)
 
@@ -522,7 +522,57 @@ def test_it_is_quick_until_the_fruit_is_near_a_known_object():
     ]
     assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
     assert outcomes[1].duration < 0.6 * outcomes[0].duration
-    assert quick.arm.followed[1].duration > 0.5  # the last two centimetres
+
+
+STOOD = float(
+    a_grasp().T_base_grasp[2, 3]
+)  # height of the tool at which the fruit stood on the table [m]
+
+
+@pytest.mark.parametrize(("above", "raises"), [(0.001, False), (-0.002, False), (0.006, True)])
+def test_a_contact_where_the_fruit_is_known_to_stand_opens_at_once_and_another_is_doubted(
+    above: float, raises: bool
+):
+    scene, heights = over_ground(STOOD + above), []
+
+    def watch(_tick: int) -> None:
+        if not scene.gripper.moves:
+            heights.append(scene.tcp[2, 3])
+
+    outcome = drive(
+        Release(),
+        {"grasp": a_grasp()},
+        scene.devices,
+        clock=scene.clock,
+        each_tick=watch,
+    )
+    assert outcome.status is Status.SUCCESS, outcome.reason
+    lowest = heights.index(min(heights))
+    assert STOOD + above - 0.001 < heights[lowest] <= STOOD + above
+    assert (max(heights[lowest:]) > heights[lowest] + 0.0015) == raises
+
+
+def test_it_lands_slowly_and_rises_while_the_fingers_open():
+    scene, ticks = over_ground(STOOD), []
+
+    def watch(_tick: int) -> None:
+        ticks.append((scene.clock.now(), scene.tcp[2, 3], scene.gripper.width))
+
+    drive(
+        Release(),
+        {"grasp": a_grasp()},
+        scene.devices,
+        clock=scene.clock,
+        each_tick=watch,
+    )
+    t, z, width = np.array(ticks).T
+    speed = np.diff(z) / np.diff(t)
+    down = z[1:] < np.minimum.accumulate(z)[:-1]
+    assert min(speed) < -0.2
+    assert min(speed[down & (z[1:] < STOOD + 0.001)]) > -0.0085
+    rises = np.flatnonzero(z > STOOD + 0.003)
+    first = rises[rises > z.argmin()][0]
+    assert width[0] + 0.004 < width[first] < width[-1] - 0.002
 
 
 def test_the_inertia_of_a_heavy_fruit_that_is_lowered_quickly_is_no_contact():
@@ -556,7 +606,7 @@ def test_an_unknown_support_is_met_no_faster_than_the_arm_can_stop():
         heights.append(scene.tcp[2, 3])
 
     drive(Release(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock, each_tick=watch)
-    assert 0.0 < ground - min(heights) < 0.025
+    assert 0.0 < ground - min(heights) < 0.04
     assert scene.gripper.moves == []
 
 
@@ -581,15 +631,6 @@ def test_a_camera_that_shows_the_table_elsewhere_starts_no_motion(code):
     assert outcome.reason.data["tilt_rad"] > 0.08
     assert "above: " in outcome.reason.message
     assert scene.arm.followed == []
-
-
-def test_a_pose_that_would_tilt_the_fruit_is_reported_and_it_stays_held():
-    scene = over_ground(None)
-    inputs = {"into": "home", "grasp": a_grasp(), "upright": np.radians(2.0)}
-    outcome = drive(Release(), inputs, scene.devices, clock=scene.clock)
-    assert outcome.reason.code == "WOULD_TILT"
-    assert scene.arm.followed == []
-    assert scene.gripper.moves == []
 
 
 # ------------------------------------------------------------------------------------ without a force sensor
@@ -727,10 +768,11 @@ class Parts(Release):
     def _space(self, skill: Any, *given: Any, held: Any = None) -> Any:
         assert skill is self
         self.asked.append((*given, held))
-        world = SimpleNamespace(free=lambda way, _width: self.free(way))
         return SimpleNamespace(
             at_width=lambda width: SimpleNamespace(free=lambda _q: self.free(width)),
-            world=SimpleNamespace(with_margins=lambda _margins: world),
+            world=SimpleNamespace(
+                with_margins=lambda _: SimpleNamespace(free=lambda way, _width: self.free(way))
+            ),
             width=0.05,
         )
 
@@ -749,6 +791,13 @@ def test_the_fingers_open_no_farther_than_they_can(monkeypatch):
     assert part._opening(part._space(part)) == scene.gripper.limits.width_max
 
 
+def lowered(by: float) -> tuple[np.ndarray, np.ndarray]:
+    """Postures straight down from `OBSERVE`, and the heights of the tool in them [m]."""
+    below = PickingScene().tcp - np.pad([[by]], ((2, 1), (3, 0)))
+    way = straight_line(ROBOT_MODEL, OBSERVE, below).q
+    return way, np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in way])
+
+
 @pytest.mark.parametrize("first", [0, 3, None])
 def test_the_first_posture_that_is_not_free_is_the_first_contact(first, monkeypatch):
     way = np.arange(5)
@@ -757,18 +806,56 @@ def test_the_first_posture_that_is_not_free_is_the_first_contact(first, monkeypa
     assert part.asked == [("map", 0.02, "held")]
 
 
-def test_the_slow_part_begins_so_far_above_the_first_contact(monkeypatch):
-    scene = PickingScene()
+@pytest.mark.parametrize(
+    ("box", "carries"),
+    [
+        (((0.0, 0.0), 0.0), True),
+        (((0.2, 0.0), 0.0), False),
+        (((0.0, 0.0), 0.1), False),
+        (None, False),
+    ],
+)
+def test_a_fruit_stands_on_the_highest_level_box_below_it_or_on_the_table(
+    box, carries, monkeypatch
+):
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy())
+    below = scene.tcp[2, 3] - 0.06
+    boxes = ()
+    if box is not None:
+        (x, y), tilt = box
+        T_base_box = np.eye(4)
+        T_base_box[:3, :3] = [
+            [1, 0, 0],
+            [0, np.cos(tilt), -np.sin(tilt)],
+            [0, np.sin(tilt), np.cos(tilt)],
+        ]
+        T_base_box[:3, 3] = scene.tcp[0, 3] + x, scene.tcp[1, 3] + y, below - 0.01
+        boxes = (
+            replace(WORKSPACE.obstacles[0], T_base_box=T_base_box, half_extents=(0.1, 0.1, 0.01)),
+        )
     part = Parts(scene, lambda _way: True, monkeypatch)
-    line = straight_line(ROBOT_MODEL, OBSERVE, scene.tcp + np.pad([[-0.04]], ((2, 1), (3, 0))))
-    heights = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in line.q])
-    for met in (len(line.q) - 1, len(line.q) - 4):
-        for within in (0.0, 0.005, 0.02):
-            found = part._near(line.q, met, within)
-            assert heights[found] <= heights[met] + within
-            assert found == 0 or heights[found - 1] > heights[met] + within
-    assert part._near(line.q, None, 0.01) == 0
-    assert part._near(line.q, len(line.q) - 1, 1.0) == 0
+    devices = {**scene.devices, Workspace: replace(WORKSPACE, obstacles=boxes)}
+    monkeypatch.setattr(part, "device", devices.get)
+    ground = below if carries else WORKSPACE.table_z
+    stood = a_grasp().T_base_grasp[2, 3] - WORKSPACE.table_z
+    assert part._stands(a_grasp()) == pytest.approx(ground + stood, abs=2e-3)
+
+
+@pytest.mark.parametrize(("stands", "near"), [(0.03, 0.023), (np.nan, 0.024)])
+def test_the_way_down_is_slow_from_just_above_the_first_contact_and_lands_at_8_mm_per_s(
+    stands, near, monkeypatch
+):
+    way, heights = lowered(0.1)
+    met = int(np.flatnonzero(heights <= heights[0] - 0.024)[0])
+    part = Parts(PickingScene(), lambda _way: True, monkeypatch)
+    descent = part._descent(way, met, heights[0] - stands, 0.02)
+    at = np.linspace(0.0, heights[0] - heights[-1], len(descent.most))
+    assert descent.slow_below == pytest.approx(heights[0] - near - 0.003, abs=0.004)
+    assert set(descent.most[at < near - 1e-3]) == {0.3}
+    assert 0.3 not in descent.most[at > near + 0.004]
+    landing = np.abs(at - stands) < 0.0039
+    assert set(descent.most[landing]) == (set() if np.isnan(stands) else {0.008})
+    assert descent.most[-1] == 0.02  # a support that is lower than known is not waited for
 
 
 @pytest.mark.parametrize(
@@ -795,4 +882,4 @@ def test_fingers_that_are_blocked_after_they_have_released_the_fruit_are_no_fail
     next(work)
     with pytest.raises(StopIteration if passes else SkillFailure):
         next(work)
-    assert asked == [(0.06, min(0.05, scene.gripper.limits.speed_max))]
+    assert asked == [(0.06, min(0.1, scene.gripper.limits.speed_max))]

@@ -5,22 +5,21 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
-from pomona.executive.ports import ANGLE, LENGTH, TIME, Port, Ratio, Time
+from pomona.executive.ports import LENGTH, TIME, Port, Ratio, Time
 from pomona.executive.skill import Work
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES
 from pomona.skills.shared.moving import POSE_FAILURES, PoseSkill, move_to_pose
-from pomona.skills.shared.planning import Obstacles, Spacing, Tilt
+from pomona.skills.shared.planning import Obstacles, Spacing
 
 
 class MoveTo(PoseSkill):
     """Move to a named pose of the cell file, around obstacles.
 
     The path avoids the fixed surroundings, the robot itself, and the obstacles of a `map`. With `carrying`, the fruit
-    between the fingers is part of the robot and is moved gently. With `upright`, its tilt against the pose at the grasp
-    is limited. If a camera sees a new obstacle on the path (a cell file with `workspace.watch`), the arm stops on its
-    path, and the skill fails with PATH_BLOCKED.
+    between the fingers is part of the robot and is moved gently. If a camera sees a new obstacle on the path (a cell
+    file with `workspace.watch`), the arm stops on its path, and the skill fails with PATH_BLOCKED.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -40,7 +39,6 @@ class MoveTo(PoseSkill):
         ] = None,
         clearance: Spacing = LENGTH("10 mm"),
         budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
-        upright: Tilt = ANGLE("180 deg"),
         speed: Annotated[
             Ratio, Port(min=0.02, max=1.0, help="speed relative to the arm's limits")
         ] = 1.0,
@@ -55,5 +53,4 @@ class MoveTo(PoseSkill):
             budget,
             avoiding,
             speed,
-            upright,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -11,12 +11,9 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.plain_hand import between
 from pomona.executive.account import PUT_AWAY
 from pomona.executive.ports import (
-    ANGLE,
-    FORCE,
     LENGTH,
     SPEED,
     Acceleration,
-    Force,
     Length,
     Port,
     Speed,
@@ -24,31 +21,38 @@ from pomona.executive.ports import (
 from pomona.executive.skill import CellFacts, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.sections import Problem
+from pomona.skills.geometry import apply, inverse
 from pomona.skills.grip.hold import Hold, current_hold, take_over
-from pomona.skills.motion.collision import Margins
+from pomona.skills.motion.collision import Margins, fruit_points
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
+from pomona.skills.shared.carrying import CONTACT
+from pomona.skills.shared.contact_check import EXPECTED, Descent, Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, note_press
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
-from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, Tilt, space_around
+from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, space_around
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
-LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
-TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
-RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
-OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
+LOWERING = Manner(0.3, 2.0, 25.0)  # of the fruit on its way to a known support
+# acceleration [m/s²] and jerk [m/s³] where a support may be: with twice as much, inertia resembles a contact
+TOUCHING = (0.5, 5.0)
+NEAR = 0.007  # height over a known support at which lowering slows down [m]
+SETTLED = 0.003  # way over which the inertia of braking dies away then [m]
+LANDING = 0.008  # speed where the fruit is known to stand [m/s]
+RISING = Manner(1.0, 6.0, 80.0)  # of the empty gripper's way up
+OPENING_SPEED = 0.1  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 # jolts after which lowering goes on; with more the load is too restless to show a contact
 JOLTS = 3
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 UNKNOWN = "no grasp gives the lower end of the fruit"
-RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
+RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit [m]
+OFF = 0.004  # width beyond the fruit at which they rise [m]
 
 
 class Release(PoseSkill):
@@ -115,24 +119,14 @@ class Release(PoseSkill):
         ] = None,
         map: Obstacles = None,
         clearance: Clearance = LENGTH("5 mm"),
-        upright: Tilt = ANGLE("180 deg"),
-        contact: Annotated[
-            Force, Port(min="0.1 N", help="change of load that shows contact")
-        ] = FORCE("0.35 N"),
         speed: Annotated[
-            Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")
-        ] = SPEED("0.02 m/s"),
-        fast: Annotated[
-            Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")
-        ] = SPEED("0.15 m/s"),
-        slow_within: Annotated[
-            Length,
+            Speed,
             Port(
-                min="5 mm",
-                max="200 mm",
-                help="height over the known support at which lowering slows down",
+                min="1 mm/s",
+                max="0.1 m/s",
+                help="speed of lowering where a support may be, and is not known",
             ),
-        ] = LENGTH("15 mm"),
+        ] = SPEED("0.02 m/s"),
         acceleration: Annotated[
             Acceleration,
             Port(
@@ -147,14 +141,12 @@ class Release(PoseSkill):
         if into is not None:
             yield from move_to_pose(
                 self,
-                into
-                if variation == 1
-                else f"{into}_{variation}",  # not around: a fruit lies at the first place
+                # not around: a fruit lies at the first place
+                into if variation == 1 else f"{into}_{variation}",
                 1,
                 map,
                 grasp,
                 clearance,
-                upright=upright,
                 carried_acceleration=acceleration,
             )
         gripper = self.device(Gripper)
@@ -172,31 +164,41 @@ class Release(PoseSkill):
                 )
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met + 1]
-        slow_from = self._near(way, met, slow_within)
-        legs = (
-            Leg(way[: slow_from + 1], Manner(fast, *LOWERING)),
-            Leg(way[slow_from:], Manner(speed, *TOUCHING)),
-        )
-        yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
+        descent = Descent(way, Manner(speed, *TOUCHING))
+        if met is not None and grasp is not None:
+            descent = self._descent(way, met, self._stands(grasp), speed)
+        yield from self._lower(descent, speed, depth, space, hold, grasp, ends_on)
         width = self._opening(space)
         if hold is not None:
             note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
         take_over(gripper)
-        yield from self._open(width)
-        if self.optional_device(ForceSensor) is None and (
-            left := between(gripper.state(), gripper.limits)
-        ):
+        opening = self._open(width)
+        try:
+            yield from self._rise(opening, before, into is not None, ends_on)
+        finally:
+            opening.close()
+
+    def _rise(self, opening: Watching, before: float, is_place: bool, ends_on: bool) -> Watching:
+        """Rise to a height of the tool [m] as soon as the fingers are off the fruit, while they open on."""
+        gripper = self.device(Gripper)
+        off = gripper.state().width + OFF
+        plain = self.optional_device(ForceSensor) is None
+        for words in opening:
+            yield words
+            if not plain and gripper.state().width > off:
+                break
+        if plain and (left := between(gripper.state(), gripper.limits)):
             raise self.failure(
                 "HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held"
             )
-        if into is not None:
+        if is_place:
             by = "width over a known support" if ends_on else "pads or wrist, a support carries it"
             self.account(
                 PUT_AWAY, f"{by}; the fingers are open, {1e3 * gripper.state().width:.0f} mm"
             )
-        yield from follow_way(
-            self, vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED"), RISING
-        )
+        way = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
+        yield from follow_way(self, way, RISING, lambda: next(opening, None))
+        yield from opening
 
     def _not_held(self) -> Exception:
         """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
@@ -213,27 +215,29 @@ class Release(PoseSkill):
 
     def _lower(
         self,
-        legs: Sequence[Leg],
+        descent: Descent,
+        speed: float,
         depth: float,
         space: ArmSpace,
         hold: Hold | None,
         grasp: Grasp | None,
-        contact: float,
         ends_on: bool,
     ) -> Watching:
-        """Go down along legs until a support carries the fruit; after a jolt it goes on."""
+        """Go down until a support carries the fruit; after a jolt it goes on at a speed [m/s]."""
         before = float(tool_pose(self)[2, 3])
         opened = self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
                 words = yield from lower_to_support(
-                    self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
+                    self, descent, hold, grasp, CONTACT, "LOWERING_BLOCKED", opened, ends_on
                 )
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
-                legs = [Leg(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1].manner)]
+                descent = Descent(
+                    vertical_way(self, -left, "LOWERING_BLOCKED", space), Manner(speed, *TOUCHING)
+                )
             else:
                 if not words:
                     return
@@ -253,13 +257,36 @@ class Release(PoseSkill):
         met = np.flatnonzero(~world.free(way, space.width))
         return int(met[0]) if len(met) else None
 
-    def _near(self, way: Float64, met: int | None, within: float) -> int:
-        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
-        if met is None:
-            return 0
+    def _stands(self, grasp: Grasp) -> float:
+        """Return the height of the tool at which the fruit stands on the known box or table below [m]; NaN without.
+
+        Exactly: the spheres that cover a fruit in `_met` protrude by up to 12 mm.
+        """
+        T_base_tcp = tool_pose(self)
+        points = apply(T_base_tcp @ inverse(grasp.T_base_grasp), fruit_points(grasp.fruit))
+        lowest = points[points[:, 2].argmin()]
+        workspace = self.device(Workspace)
+        tops = [] if workspace.table_z is None else [workspace.table_z]
+        for box in workspace.obstacles:
+            beside = np.abs(apply(inverse(box.T_base_box), lowest)) - box.half_extents
+            if box.T_base_box[2, 2] > 0.999 and max(beside[:2]) <= 0.0:
+                tops.append(box.T_base_box[2, 3] + box.half_extents[2])
+        below = [top for top in tops if top < lowest[2]]
+        return float(max(below, default=np.nan) + T_base_tcp[2, 3] - lowest[2])
+
+    def _heights(self, way: Float64) -> Float64:
+        """Return heights of the tool [m] in postures."""
         robot = RobotModel.load(self.device(Arm).description)
-        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met + 1]])
-        return int(np.flatnonzero(heights <= heights[-1] + within)[0])
+        return np.array([robot.tcp(q)[2, 3] for q in way])
+
+    def _descent(self, way: Float64, met: int, stands: float, speed: float) -> Descent:
+        """Return the way down that is fast until shortly before the first contact, then slow."""
+        heights = self._heights(way)
+        near = heights[met] if np.isnan(stands) else stands + NEAR
+        at = np.arange(heights[0], heights[-1], -5e-4)
+        most = np.where(at > near, LOWERING.speed, speed)
+        most[np.abs(at - stands) < EXPECTED] = min(speed, LANDING)
+        return Descent(way, LOWERING, most, near - SETTLED, stands)
 
     def _open(self, width: float) -> Watching:
         """Open the fingers to a width [m]; something beside the fruit may block them once they have released it."""
@@ -268,7 +295,7 @@ class Release(PoseSkill):
         try:
             yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         except SkillFailure as failed:
-            released = gripper.state().width - start > RELEASED_WIDTH / 4.0 - 1e-3
+            released = gripper.state().width - start > OFF
             if failed.failure.code != "MOTION_FAILED" or not released:
                 raise
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 from pomona.drivers.fruit_body import HARD_MODULUS
@@ -14,7 +14,7 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, note_press, show_grip, watch_fruit
-from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
+from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import Touch, felt, hand_felt, load
 
 RAISED = 0.002
@@ -32,14 +32,21 @@ PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
 arm stops within a millimetre of it."""
 
+EXPECTED = 0.004
+"""Height beside that of the known support within which a contact is believed as it is [m]: a drift drops the fruit by
+no more."""
+
 LOST = "the fruit was lost on the way down"
 
 
-class Leg(NamedTuple):
-    """A straight part of the way down: postures (n, dof) [rad], and the tool's motion on them."""
+class Descent(NamedTuple):
+    """The way down: postures (n, dof) [rad], and the tool's motion on them."""
 
     way: Float64
     manner: Manner
+    most: Float64 | None = None  # largest speeds at equal steps along it [m/s]
+    slow_below: float = math.inf  # height of the tool below which inertia stays below a contact [m]
+    stands: float = math.nan  # height of the tool at which the fruit stands on a known support [m]
 
 
 class Jolted(Exception):
@@ -48,7 +55,7 @@ class Jolted(Exception):
 
 def lower_to_support(
     skill: MovingSkill,
-    legs: Sequence[Leg],
+    descent: Descent,
     hold: Hold | None,
     grasp: Grasp | None,
     contact: float,
@@ -56,22 +63,45 @@ def lower_to_support(
     opened: float,
     ends_on: bool = False,
 ) -> Work[str]:
-    """Go down along legs until a support carries the fruit.
+    """Go down until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
-    a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
-    end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the legs end on a known support.
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a higher
+    acceleration than `GENTLE` adds the inertia of the fruit. A contact where the fruit is known to stand needs no other
+    proof. Fingers that something beside the fruit pushes end the way down with `code`; `opened` is their width before
+    it [m]. `ends_on`: the way ends on a known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
     limit = contact
     most = contact
+    moving: Motion | None = None
     gripper = skill.device(Gripper)
     lost = watch_fruit(skill)
     with felt(skill, load) as touch, hand_felt(skill) as hand:
 
+        def expect(motion: Motion, accelerated: float) -> None:
+            nonlocal limit, most
+            inertia = touch.at_first() * (accelerated - GENTLE) / GRAVITY
+            limit = touch.limit(contact, accelerated) + inertia
+            # a support takes the fruit's weight from it
+            most = hand.limit(contact + touch.at_first(), accelerated)
+            touch.forget_change()
+            hand.forget_change()
+            rest_on_contact(skill, limit)
+            touch.at_change(limit, motion.stop)
+            hand.at_change(most, motion.stop)
+
+        def begin(motion: Motion) -> None:
+            nonlocal moving
+            moving = motion
+            expect(motion, descent.manner.acceleration)
+
         def watch() -> None:
+            nonlocal moving
+            if moving is not None and tool_pose(skill)[2, 3] < descent.slow_below:
+                expect(moving, GENTLE)
+                moving = None
             if hold is not None:
                 show_grip(skill, hold)
             if touch.change > limit:  # first: the support's push may unload a finger
@@ -89,33 +119,17 @@ def lower_to_support(
                     code, f"a finger met something ({hand.change:.1f} N); the fruit is still held"
                 )
 
-        def stop_at_touch(motion: Motion) -> None:
-            hand.at_change(most, motion.stop)
-
         try:
-            for leg in legs:
-                accelerated = leg.manner.acceleration
-                limit = (
-                    touch.limit(contact, accelerated)
-                    + touch.at_first() * (accelerated - GENTLE) / GRAVITY
-                )
-                most = hand.limit(
-                    contact + touch.at_first(), accelerated
-                )  # a support takes the fruit's weight from it
-                touch.forget_change()
-                hand.forget_change()
-                rest_on_contact(skill, limit)
-                yield from follow_way(skill, leg.way, leg.manner, watch, grasp, stop_at_touch)
+            yield from follow_way(
+                skill, descent.way, descent.manner, watch, grasp, begin, descent.most
+            )
         except TouchedDown:
-            doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
+            doubt = ""
+            if not abs(tool_pose(skill)[2, 3] - descent.stands) < EXPECTED:
+                doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
             if not doubt:
-                note_press(
-                    skill,
-                    "its support",
-                    touch.pressed,
-                    grasp.fruit if grasp else None,
-                    HARD_MODULUS,
-                )
+                fruit = grasp.fruit if grasp else None
+                note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
             return doubt
     return "" if ends_on else "the fruit met nothing"
 

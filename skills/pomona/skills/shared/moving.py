@@ -17,7 +17,6 @@ from pomona.executive.values.sections import Problem
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.planning.arm_space import ArmSpace, UprightSpace
 from pomona.skills.motion.planning.plan import PlanRequest
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -29,7 +28,7 @@ from pomona.skills.shared.warm_motion import prepare_planning
 CARRIED_ACCELERATION = 2.0
 """Usual largest acceleration of a held fruit [m/s²]: every bit of it must be held by friction."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT")
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE")
 """Codes of every skill that moves to a named pose."""
 
 
@@ -73,7 +72,6 @@ def move_to_pose(
     budget: float = 0.5,
     avoiding: MeasuredFruit | None = None,
     speed: float = 1.0,
-    upright: float = np.pi,
     carried_acceleration: float = CARRIED_ACCELERATION,
 ) -> Watching:
     """Plan to a named pose of the cell file and move there.
@@ -84,8 +82,6 @@ def move_to_pose(
         clearance: kept by the arm's links [m], as in `arm_space`.
         avoiding: fruit that is not in the map and must be avoided.
         speed: ratio of the speed that the limits allow, above 0 to 1.
-        upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
-            against the present one; π: no limit.
         carried_acceleration: largest acceleration of a held fruit [m/s²].
     """
     arm = skill.device(Arm)
@@ -104,13 +100,12 @@ def move_to_pose(
     space = space_around(skill, map, clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
-    keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)
     request = PlanRequest(
-        keeps,
+        space,
         q,
         q_goal[None],
         arm.limits,
-        improve="" if upright < np.pi else "InformedRRTstar",  # it would draw postures that tilt it
+        improve="InformedRRTstar",
         budget=budget,
         seed=skill.context.seed(skill.path),
         patience=patience(skill, budget),
@@ -125,31 +120,6 @@ def move_to_pose(
     yield from skill.travel(
         path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying
     )
-
-
-def _upright(
-    skill: MovingSkill,
-    space: ArmSpace,
-    most: float,
-    q: Float64,
-    q_goal: Float64,
-    carrying: Grasp | None,
-) -> UprightSpace:
-    """Return the space in which the fruit stays upright."""
-    now = (
-        RobotModel.load(skill.device(Arm).description).tcp(q)
-        if carrying is None
-        else carrying.T_base_grasp
-    )
-    keeps = UprightSpace(space, now[2, :3].copy(), most)
-    for where, there in (("at the arm's present position", q), ("at the pose", q_goal)):
-        tilt = keeps.tilt(there)
-        if tilt > most:
-            words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
-            raise skill.failure(
-                "WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most
-            )
-    return keeps
 
 
 def named_pose(poses: Mapping[str, Float64], name: str, variation: int = 1) -> Float64:

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
-from pomona.executive.ports import Acceleration, Angle, Length, Port
+from pomona.executive.ports import Acceleration, Length, Port
 from pomona.executive.skill import Skill, Work
 from pomona.skills.motion.collision.distance_field import DistanceField
 from pomona.skills.motion.grasp import Grasp
@@ -36,9 +36,6 @@ Spacing = Annotated[
 Obstacles = Annotated[OccupancyMap | None, Port(help="obstacles")]
 OtherObstacles = Annotated[OccupancyMap | None, Port(help="obstacles, without the target")]
 ToolAcceleration = Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")]
-Tilt = Annotated[
-    Angle, Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion")
-]
 HeldGrasp = Annotated[
     Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
 ]

@@ -90,18 +90,19 @@ def follow_way(
     skill: MovingSkill,
     way: Float64,
     manner: Manner,
-    watch: Callable[[], None] | None = None,
+    watch: Callable[[], str | None] | None = None,
     held: Grasp | None = None,
     started: Callable[[Motion], None] | None = None,
+    most: Float64 | None = None,
 ) -> Watching:
     """Follow postures on a straight line of the tool, shape (n, dof) [rad].
 
     `watch`: see `following.follow_motion`; `held` is the grasp by which a fruit is held; `started` is called with the
-    motion.
+    motion; `most`: see `time_curve`.
     """
     arm = skill.device(Arm)
     robot = RobotModel.load(arm.description)
     length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
     if length > 0.0:
-        curve = time_curve(way, length, arm.limits, *manner)
+        curve = time_curve(way, length, arm.limits, *manner, most=most)
         yield from skill.travel(curve, watch, carrying=held, started=started)
