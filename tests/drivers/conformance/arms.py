@@ -256,7 +256,7 @@ class SimBody(Body):
 
 def sim() -> ArmBench:
     """The simulated arm."""
-    cell = simulated()
+    cell = simulated("arm")
     arm: Any = cell.devices["arm"]
     way = np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])
     return InStep(

@@ -136,7 +136,7 @@ SEEN = ("lost", "stuck_left", "stuck_right", "stuck", "zero", "late_120")
 
 def sim() -> ForceBench:
     """The simulated fingers, which nothing touches."""
-    cell = simulated()
+    cell = simulated("fingers")
     sensor: Any = cell.devices["fingers"]
     press = Press(cell.clock)
     others = tuple(fault for fault in sensor.known_faults if fault not in SEEN)

@@ -224,7 +224,7 @@ class SimHand:
 
 def sim() -> GripperBench:
     """The simulated gripper."""
-    cell = simulated()
+    cell = simulated("gripper")
     gripper: Any = cell.devices["gripper"]
     hand = SimHand(cell.devices["world"], gripper.limits.width_min)
     return InStep(gripper, cell.clock, hand, gripper, without=("busy", "runaway", "sticks"))

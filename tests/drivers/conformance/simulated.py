@@ -42,10 +42,16 @@ def _settle(world: SimWorld) -> None:
 SETTLE = SimWorld._settle
 
 
-def simulated() -> Cell:
-    """Return a new simulated cell."""
+def simulated(judged: str) -> Cell:
+    """Return a new simulated cell in which the judged device lives: no claim is about another, a score, or contacts."""
     with (
         mock.patch.object(connect, "build_scene", _scene),
         mock.patch.object(SimWorld, "_settle", _settle),
     ):
-        return connect_cell(_file(), seed=1)
+        cell = connect_cell(_file(), seed=1)
+    world: Any = cell.devices["world"]
+    for hooks in (world.before_step, world.after_step):
+        hooks[:] = [hook for hook in hooks if hook.__self__ is cell.devices[judged]]
+    world.watch = lambda: None
+    world.model.opt.disableflags |= world.mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return cell

@@ -93,23 +93,21 @@ class Body:
     def advance(self, _now: float = 0.0) -> None:
         """Let the joints move for a step of the clock."""
         now = self._clock.now()
-        passed = now - self.track[-1][0] if self.track else STEP
-        way = self._aimed() + self.pushed - self.q
         if self.is_held:
-            self.qd = np.zeros_like(way)
+            self.qd = np.zeros_like(self.q)
             self.q = self.q + TREMOR * math.sin(len(self.track))
             self._freed = 0.0
-        elif (
-            math.isinf(self._freed)
-            or np.abs(way).max() <= (quickest := self._freed + FREED * passed) * passed
-        ):
-            self.q, self.qd = self.q + way, self._speed
-            self._freed = math.inf
+        elif math.isinf(self._freed):
+            self.q, self.qd = self._aimed() + self.pushed, self._speed
         else:
-            self.qd = np.clip(way / passed, -quickest, quickest)
+            passed = now - self.track[-1][0]
+            way = self._aimed() + self.pushed - self.q
+            self._freed += FREED * passed
+            self.qd = np.clip(way / passed, -self._freed, self._freed)
             self.q = self.q + self.qd * passed
-            self._freed = quickest
-        self.track.append((now, self.q.copy()))
+            if np.abs(way).max() <= self._freed * passed:
+                self._freed = math.inf
+        self.track.append((now, self.q))
 
 
 class Lies(FaultSwitch):
@@ -361,7 +359,7 @@ def a_problem_stops_the_arm(opened: Opened) -> None:
         words = f"'{harm}' for 0.5 s:"
         bench.finish(motion)
         require(motion.settled, f"{words} the motion does not end")
-        bench.rest(words)
+        bench.rest(words, stays=0.3)
         if motion.state is MotionState.DONE and not bench.problem():
             continue
         told = bench.problem() or motion.problem
@@ -373,7 +371,7 @@ def a_problem_stops_the_arm(opened: Opened) -> None:
         bench.acknowledge()
         said = bench.problem()
         require(not said, f"{words} acknowledged, it still says '{said}'")
-        bench.rest(f"{words} acknowledged,", 0.0)
+        bench.rest(f"{words} acknowledged,", 0.0, 0.3)
         motion = bench.follow(SHORT)
         bench.finish(motion)
         state = motion.state

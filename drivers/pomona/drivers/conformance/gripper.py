@@ -109,6 +109,11 @@ class GripperBench(Bench):
         self.serve(0.2)
         require(abs(self.width - self.middle) > STILL, f"fingers told to {way} do not move")
 
+    def has_told(self) -> bool:
+        """Return whether it reports a problem, or the move that has begun has failed."""
+        failed = self.move is not None and self.move.state is MotionState.FAILED
+        return failed or bool(self.problem())
+
     def grip(self, force: float | None = None, press: float = 4e-3) -> GripperMotion:
         """Close on an object; return the move that it has blocked."""
         require(self.to(self.middle).state is MotionState.DONE, "a move to the middle is not done")
@@ -163,12 +168,20 @@ def went(before: float, after: float) -> str:
     return f"the fingers {how} from {1e3 * before:.1f} to {1e3 * after:.1f} mm"
 
 
-def harmed(opened: Opened, ways: tuple[str, ...] = WAYS) -> Iterator[tuple[GripperBench, str, str]]:
-    """Yield new benches whose fingers move, with each way and each harm."""
-    for way, harm in product(ways, ("", *opened().harms)):
-        bench = opened()
-        bench.begin(way)
-        yield bench, way, harm
+def harmed(
+    opened: Opened, ways: tuple[str, ...] = WAYS, lasts: tuple[float, ...] = (0.15,)
+) -> Iterator[tuple[GripperBench, str, str, float]]:
+    """Yield new benches whose fingers move, with each way, each harm, and how long it lasts [s].
+
+    Of two lengths a stream takes both. A move is the same command either way, so that each way takes one, in turn.
+    """
+    for i, harm in enumerate(("", *opened().harms)):
+        turns = [(way, lasts[(i + k) % len(lasts)]) for k, way in enumerate(("close", "open"))]
+        for way, seconds in (*turns, *product(("stream",), lasts)):
+            if way in ways:
+                bench = opened()
+                bench.begin(way)
+                yield bench, way, harm, seconds
 
 
 def words_of(way: str, harm: str) -> str:
@@ -182,29 +195,27 @@ def words_of(way: str, harm: str) -> str:
 @GRIPPER.essential
 def a_stop_is_delivered(opened: Opened) -> None:
     """A stop ends each motion, also one that comes while the device does not answer."""
-    for late in (0.05, 0.6):
-        for bench, way, harm in harmed(opened):
-            bench.harm(harm, late)
-            bench.device.safe_stop("test")
-            bench.renew = None
-            bench.serve(0.1)
-            bench.heal()
-            bench.rest(f"{words_of(way, harm)} after a stop", 0.1 + REST)
+    for bench, way, harm, late in harmed(opened, lasts=(0.05, 0.6)):
+        bench.harm(harm, late)
+        bench.device.safe_stop("test")
+        bench.renew = None
+        bench.serve(0.1)
+        bench.heal()
+        bench.rest(f"{words_of(way, harm)} after a stop", 0.1 + REST)
 
 
 @GRIPPER.essential
 def a_problem_stops_the_fingers(opened: Opened) -> None:
     """A problem that a driver reports ends each motion, and nothing goes on when the problem has passed."""
-    for lasts in (0.15, 0.4):
-        for bench, way, harm in harmed(opened):
-            bench.harm(harm, lasts)
-            bench.heal()
-            bench.serve(0.02)
-            if not bench.problem():
-                continue
-            bench.renew = None
-            bench.rest(f"{words_of(way, harm)} after '{bench.problem()}'", 0.75)
-            require(bool(bench.problem()), f"{words_of(way, harm)} the problem went by itself")
+    for bench, way, harm, seconds in harmed(opened, lasts=(0.15, 0.4)):
+        bench.harm(harm, seconds)
+        bench.heal()
+        bench.serve(0.02)
+        if not bench.problem():
+            continue
+        bench.renew = None
+        bench.rest(f"{words_of(way, harm)} after '{bench.problem()}'", 0.75)
+        require(bool(bench.problem()), f"{words_of(way, harm)} the problem went by itself")
 
 
 @GRIPPER.essential
@@ -224,7 +235,7 @@ def the_end_of_a_driver_stops_the_fingers(opened: Opened) -> None:
 @GRIPPER.essential
 def settled_is_measured(opened: Opened) -> None:
     """Fingers that are settled rest, and those that rest are settled."""
-    for bench, way, harm in harmed(opened, ("close", "open")):
+    for bench, way, harm, seconds in harmed(opened, ("close", "open")):
         widths: list[float] = []
 
         def note(bench: GripperBench = bench, widths: list[float] = widths) -> None:
@@ -232,7 +243,7 @@ def settled_is_measured(opened: Opened) -> None:
                 widths.append(bench.width)
 
         bench.each_step.append(note)
-        bench.harm(harm, 0.15)
+        bench.harm(harm, seconds)
         bench.device.safe_stop("test")
         bench.serve(0.15)
         bench.heal()
@@ -371,8 +382,8 @@ def a_stop_latches(opened: Opened) -> None:
 @GRIPPER.claim
 def nothing_resumes(opened: Opened) -> None:
     """After a problem nothing moves until it is acknowledged, and then everything does."""
-    for bench, way, harm in harmed(opened, ("close",)):
-        bench.harm(harm, 0.6)
+    for bench, way, harm, seconds in harmed(opened, ("close",), (0.6,)):
+        bench.harm(harm, seconds)
         bench.heal()
         bench.serve(1.5)
         if bench.problem():
@@ -392,13 +403,14 @@ def nothing_resumes(opened: Opened) -> None:
 @GRIPPER.claim
 def a_lasting_harm_is_noticed(opened: Opened) -> None:
     """A device that does not do or tell what it should is noticed, and a state is never nonsense."""
-    for bench, way, harm in harmed(opened):
+    for bench, way, harm, _ in harmed(opened):
         if not harm or harm == "half":
             continue
-        bench.harm(harm, 3.0 if way != "stream" else 1.0)
+        bench.harm(harm, 0.1)
+        bench.serve(2.9 if bench.move else 0.9, bench.has_told)
         with suppress(DeviceError):
             require(math.isfinite(bench.device.state().width), f"'{harm}': its width is no number")
-        if bench.problem() or (bench.move and bench.move.state is MotionState.FAILED):
+        if bench.has_told():
             continue
         bench.renew = None
         state = bench.to(bench.middle).state
