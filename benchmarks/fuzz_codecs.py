@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pomona.devices.emulators.suntouch import encode
 from pomona.devices.motoman import codec as motoman
 from pomona.devices.suntouch import codec as suntouch
 from pomona.devices.wsg import codec as wsg, frame as wsg_frame
@@ -151,7 +152,7 @@ def fuzz_suntouch(frames: int, seed: int) -> FramesLost:
     rng, report = random.Random(seed), FramesLost("suntouch")
     assembler = suntouch.Assembler()
     while report.frames < frames:
-        answer = suntouch.encode(np.array([rng.uniform(0.1, 3.2) for _ in range(25)]))
+        answer = encode(np.array([rng.uniform(0.1, 3.2) for _ in range(25)]))
         intact = rng.random() < 0.5
         assembler.expect()
         reading = None

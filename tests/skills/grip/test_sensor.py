@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pomona.devices.emulators.suntouch import SunTouchEmulator
+from pomona.devices.emulators.suntouch import SunTouchEmulator, encode
 from pomona.devices.suntouch.calibration import FingerCalibration
-from pomona.devices.suntouch.codec import decode, encode
+from pomona.devices.suntouch.codec import decode
 from pomona.drivers.interfaces import ForceSensor
 from pomona.executive.files import find_cell
 from pomona.skills.grip.controller import GripController

@@ -18,9 +18,8 @@ import numpy as np
 from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.motoman import ORDERS, FreeJoints, MotomanEmulator
 from pomona.devices.emulators.server import CanPort, Endpoint, PtyPort, Server, TcpPort
-from pomona.devices.emulators.suntouch import Pad, SunTouchEmulator, random_wrenches
+from pomona.devices.emulators.suntouch import STEPS, Pad, SunTouchEmulator, encode, random_wrenches
 from pomona.devices.emulators.wsg import WsgEmulator
-from pomona.devices.suntouch.codec import decode, encode
 from pomona.executive import FORCE, LENGTH, TIME, Measure
 
 GROUP = "pomona.emulate"
@@ -163,7 +162,8 @@ def _record(options: argparse.Namespace) -> int:
     """Voltages without bias and the wrenches behind them, as a reference sensor under the finger would give them."""
     pad = Pad(options.seed)
     wrenches = random_wrenches(options.samples, options.seed)
-    volts = np.array([decode(encode(pad.volts(wrench))).volts for wrench in wrenches]) - pad.rest
+    counts = np.array([np.frombuffer(encode(pad.volts(wrench)), "<u2") for wrench in wrenches])
+    volts = counts / STEPS - pad.rest
     np.savez_compressed(options.record, volts=volts, wrenches=wrenches)
     print(f"{options.samples} samples in {options.record}")
     return 0

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pomona.devices.emulators.server import Peer
-from pomona.devices.suntouch.codec import REQUEST, TAXELS, encode
 from pomona.executive import Float64
 
+TAXELS = 25
+STEPS = 4096 / 3.3  # of the converter [1/V]
 SPREAD = 0.006  # width of the dent that a contact makes [m]
 NOISE = 4e-4  # of every taxel [V]: half a step of the converter. No live sensor repeats a value.
 
@@ -40,6 +41,11 @@ class Pad:
         depth = 0.12 * pressing * dent + self._drag @ (fx, fy, tz)
         volts: Float64 = self.rest + 1.1 * np.tanh(self._gain * depth / 1.1)
         return volts
+
+
+def encode(volts: Float64) -> bytes:
+    """Return the bytes of an answer; voltages, shape (25,) [V], are rounded and clipped to 12 bits."""
+    return np.clip(np.rint(volts * STEPS), 0, 4095).astype("<u2").tobytes()
 
 
 class SunTouchEmulator:
@@ -74,7 +80,7 @@ class SunTouchEmulator:
         """Nothing to do either."""
 
     def received(self, peer: Peer, chunk: bytes) -> None:
-        for _ in range(chunk.count(REQUEST)):
+        for _ in range(chunk.count(b"a")):
             if not self.silent:
                 peer.send(self._answer())
 

@@ -30,17 +30,6 @@ class FingerReading:
     dead: bool = False  # whether all of them are at the same end: no light, no supply, or a line that is stuck
 
 
-def encode(volts: Float64) -> bytes:
-    """Return the bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
-
-    Raises ValueError: another number of voltages.
-    """
-    counts = np.clip(np.rint(np.asarray(volts) * (COUNTS / VOLTS)), 0, COUNTS - 1).astype("<u2")
-    if counts.shape != (TAXELS,):
-        raise ValueError(f"a finger has {TAXELS} taxels, not {counts.shape}")
-    return bytes(counts.tobytes())
-
-
 def decode(answer: bytes) -> FingerReading:
     """Return the voltages of a whole answer. Raises Malformed: it has not 50 bytes."""
     if len(answer) != SIZE:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pomona.devices.emulators.suntouch import Pad, random_wrenches
+from pomona.devices.emulators.suntouch import Pad, encode, random_wrenches
 from pomona.devices.suntouch.calibration import FingerCalibration, UnusableCalibration
-from pomona.devices.suntouch.codec import decode, encode
+from pomona.devices.suntouch.codec import decode
 from pomona.devices.suntouch.fit import UnusableRecording, fit_calibration, read_recording
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.devices.suntouch.codec import REQUEST, SIZE, Assembler, decode, encode
+from pomona.devices.emulators.suntouch import encode
+from pomona.devices.suntouch.codec import REQUEST, SIZE, Assembler, decode
 from pomona.executive.cell.owner import Malformed
 
 volts = st.lists(st.floats(0.01, 3.29), min_size=25, max_size=25).map(np.array)
