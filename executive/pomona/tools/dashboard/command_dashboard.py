@@ -14,6 +14,7 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import default_name
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
+from pomona.executive.recording.folder import in_order, records_in
 from pomona.executive.registry import Registry
 from pomona.executive.run_views import OperatorDesk, RunView, RunViews
 from pomona.executive.running.events import Event
@@ -187,6 +188,12 @@ class Launcher:
             speed = speed_of(str(form.get("speed", "100 %")))
         except SpeedRefusedError as error:
             raise UsageError(str(error)) from None
+        after = form.get("after")
+        records = in_order(
+            (path.parent for path in records_in(self._record)), lambda record: record.name
+        )
+        if after and [record.name for record in records[-1:]] != [after]:
+            raise RefusedError(f"another run has begun since {after}: look at its state first")
         dry = form.get("dry") is True
         after_cut = form.get("after_cut", "")
         if (

@@ -12,21 +12,30 @@ from typing import Any
 
 import numpy as np
 
+from pomona.executive.errors import PomonaError
+from pomona.executive.language.check import read_document
 from pomona.executive.palette import BAD, GOOD, LINE, MUTED, OVERLAY
 from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import EVENTS, events_file, is_being_written
-from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object, refuse_taken
+from pomona.executive.recording.plain_file import (
+    is_plain,
+    made_whole,
+    open_plain,
+    parse_object,
+    refuse_taken,
+)
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import IMAGES
 from pomona.executive.running.events import Event, NodeChanged, Published, RunStarted
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
+from pomona.tools.dashboard.drawing import show_svg
 from pomona.tools.dashboard.explain import explain
-from pomona.tools.dashboard.redrawing import drawing
 
 LOOKS = 24  # the newest pictures of the run that are shown
 MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture
+MOST_TREE = 1_000_000  # bytes of a tree file that is drawn
 
 BOX = "<g><title>"  # begins each node's box in a drawn tree
 RANKS = {"SUCCESS": "good", "FAILURE": "bad", "RUNNING": "bad"}
@@ -120,6 +129,18 @@ def _drawn_tree(record: Path, events: Iterable[Event]) -> str:
     )
     tree = f'<div class="drawn" tabindex="0">{start}{"".join(boxes)}</div>'
     return f'<h3>Tree</h3><p class="about">{key}</p>{tree}'
+
+
+def drawing(folder: Path) -> str | None:
+    """Return the picture (SVG), or None for a record without a tree that can be drawn."""
+    path = folder / "tree.yaml"
+    if not is_plain(path) or path.stat().st_size > MOST_TREE:
+        return None
+    try:
+        document = read_document(path)
+    except (PomonaError, OSError):
+        return None
+    return None if document.main.main is None else show_svg(document)
 
 
 def _own_picture(record: Path) -> str:

@@ -49,7 +49,6 @@ from pomona.tools.dashboard.record_messages import (
     record_messages,
     thumbnail,
 )
-from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, acting
 
@@ -120,7 +119,6 @@ class Dashboard:
                 self._record_route("record", self._download, "record"),
                 self._record_route("picture", self._picture, "picture"),
                 self._record_route("thumbnail", self._thumbnail, "record"),
-                self._record_route("drawing", self._drawing, "tree that can be drawn"),
                 acts("act", answer=self.presses.answer),
                 acts("judge", answer=self._judge),
                 acts("start", answer=self._start),
@@ -274,11 +272,6 @@ class Dashboard:
 
     def _thumbnail(self, folder: Path, _request: Request) -> Response:
         return _jpeg(thumbnail(folder), 600) or Response(status_code=204)
-
-    def _drawing(self, folder: Path, request: Request) -> Response | None:
-        until = _interval({"begin": "0", "end": request.query_params.get("until", "")})
-        drawn = redrawing(folder, until[1] if until is not None else 0.0)
-        return None if drawn is None else Response(drawn, media_type="image/svg+xml")
 
     def _folder(self, request: Request) -> Path | None:
         """Return the record's folder, or None: only the exact name of a record counts, and no symbolic link."""

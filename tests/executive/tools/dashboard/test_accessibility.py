@@ -31,6 +31,8 @@ def test_axe_finds_nothing(show: Show, open_page: Callable[..., Any], scheme: st
     show.dashboard.allow_starts(lambda _form: "", Choices.installed())
     page = open_page(color_scheme=scheme)
     page.evaluate(AXE.read_text(encoding="utf-8"))
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    page.get_by_role("button", name="Back to live").click()
     expect(page.locator("#connection")).to_have_text("connected")
     problems = {"nothing runs": page.evaluate(ASK)}
     page.evaluate("location.hash = 'run=old_1'")

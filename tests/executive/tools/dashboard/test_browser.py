@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,12 @@ from pomona.executive.running.events import (
     RunStarted,
     SafeStopped,
     StateChanged,
-    TreeChanged,
 )
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 from pomona.tools.dashboard import record_messages
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_dashboard import Launcher
+from pomona.tools.dashboard.control_lock import RefusedError
 
 pytestmark = pytest.mark.browser
 
@@ -266,17 +265,51 @@ def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -
     page.locator("#steps").get_by_role("button", name="Run again").click()
     expect(page.locator("#connection")).to_have_text("connected")
     assert [(form["tree"], form["cell"], form["seed"]) for form in forms] == [("tree", "fake", 3)]
-    page.evaluate("""async () => { // a cell that lasts, with something in its hand
-        const { page } = await import("/static/page.js");
-        page.live.whole.run.cell_kind = "emulated";
-        page.live.whole.hand = "something is between the fingers";
-        page.dirty = true;
-    }""")
+    page.evaluate(LASTING, "something is between the fingers")
+    expect(page.locator("#why")).to_contain_text(
+        re.compile(
+            r"In the hand: something is between the fingers \d.* ago\. Look first at the hand"
+        )
+    )
+    expect(page.locator("#why kbd")).to_contain_text(
+        ["--set arm=lab:53200 --set kind=pear --recover"]
+    )
     steps = page.locator("#steps button")
     expect(steps).to_have_text(["Put down the held fruit", "Home, slowly", "↻ Run again"])
     steps.first.click()
+    asked = page.get_by_role("alert").filter(has_text="Put down the held fruit")
+    expect(asked).to_contain_text("on fake, emulated, at lab:53200. The hand lowers")
+    expect(asked).to_contain_text("In the hand: something is between the fingers.")
+    page.evaluate(LASTING, "")  # another state than the one that was shown: it is asked anew
+    expect(asked).to_have_count(0)
+    assert len(forms) == 1  # nothing has moved yet
+    page.locator("#steps").get_by_role("button", name="Home, slowly").click()
+    page.get_by_role("button", name="Move now").click()
     expect(page.locator("#connection")).to_have_text("connected")
-    assert (forms[-1]["tree"], forms[-1]["settings"]) == ("recover", {"release": "true"})
+    assert (forms[-1]["tree"], forms[-1]["after"]) == ("recover", "demo_1")
+    assert forms[-1]["settings"] == {"arm": "lab:53200", "release": "false"}
+
+
+LASTING = """async (hand) => { // a cell that lasts, and what is felt in its hand
+    const { page } = await import("/static/page.js"), { whole } = page.live;
+    Object.assign(whole.run, { cell_kind: "emulated", parameters: { kind: "apple" },
+      settings: { arm: "lab:53200", kind: "pear" },
+      cell_text: 'options:\\n  arm: 127.0.0.1:53100\\ndevices:\\n  arm:\\n    address: "{arm}"\\n' });
+    Object.assign(whole, { hand, handAt: whole.t });
+    page.dirty = true;
+}"""
+
+
+def test_a_recovery_is_refused_when_another_run_has_begun_since_it_was_shown(
+    show: Show, tmp_path: Path
+) -> None:
+    show.record(JAM, "shown")
+    launcher = Launcher(show.dashboard, tmp_path, Choices.installed())
+    form = {"tree": "recover", "cell": "sim", "after": "shown"}
+    assert launcher._order(form).tree.stem == "recover"
+    show.record(JAM, "since")
+    with pytest.raises(RefusedError, match="another run has begun since shown"):
+        launcher._order(form)
 
 
 def test_figures_have_their_units(show: Show, open_page: Open) -> None:
@@ -288,38 +321,6 @@ def test_figures_have_their_units(show: Show, open_page: Open) -> None:
         figures,
     )
     assert shown == ["width 79.7 mm", "wanted force 20.7 N", "angle 28.6°", "ratio 0.25"]
-
-
-def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(
-    show: Show, open_page: Open
-) -> None:
-    before = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Rest: {}\n    - Rest: {}\n"
-    after = before + "    - Murmur: {}\n"
-    show.record(before, "before")
-    show.record(after, "after")
-    first, later = (list(read_events(show.records / name)) for name in ("before", "after"))
-    assert isinstance(first[0], RunStarted)
-    assert isinstance(later[0], RunStarted)
-    difference = "--- tree.yaml\n+++ tree.yaml\n@@ -6,0 +7 @@\n+    - Murmur: {}"
-    (show.records / "reloaded").mkdir()
-    recorder = Recorder(show.records / "reloaded")
-    begun = replace(first[0], run="reloaded")
-    for event in (
-        begun,
-        *first[1:-1],
-        TreeChanged(first[-1].t, 9, later[0].nodes, difference),
-        first[-1],
-    ):
-        recorder.on_event(event)
-    recorder.close()
-    page = open_page("run=reloaded")
-    page.get_by_role("button", name="Drawing").click()
-    boxes = page.locator("#drawing svg > g")
-    page.locator("#timeline").press("End")
-    expect(boxes).to_have_count(4)
-    expect(boxes.last).to_contain_text("Murmur")
-    page.locator("#timeline").press("Home")
-    expect(boxes).to_have_count(3)
 
 
 def test_lines_that_a_skill_logs_stand_at_its_node_and_among_the_events(
@@ -373,6 +374,60 @@ root:
         - check: "{n} > 1"
         - succeed: {}
 """
+
+
+def colour_of(locator: Any) -> str:
+    return str(locator.evaluate("(element) => getComputedStyle(element).color"))
+
+
+def test_a_failure_that_the_tree_went_on_from_is_not_red(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1")
+    show.record(BROKEN, "old_2")
+    page = open_page("run=old_1")
+    warn, bad = "rgb(149, 82, 0)", "rgb(189, 34, 34)"
+    expect(page.locator("#state")).to_have_text("✓ success")
+    assert colour_of(row(page, "The jam").locator(".name")) == warn
+    assert colour_of(page.locator("#why code").first) not in (warn, bad)
+    page.get_by_role("tab", name="Events").click()
+    assert colour_of(page.locator("#log .events span", has_text="JAMMED")) == warn
+    assert page.evaluate(COLOURS, [189, 34, 34]) == 0
+    page.evaluate("() => { location.hash = 'run=old_2'; }")
+    expect(page.locator("#state")).to_have_text("✗ failure")
+    assert colour_of(page.locator(".row.leaf.bad .name")) == bad
+    page.wait_for_function(f"() => ({COLOURS})([189, 34, 34]) > 5")
+
+
+COLOURS = """([r, g, b]) => { // how many points of the timeline have this colour
+    const { data } = document.querySelector("#timeline").getContext("2d").getImageData(0, 0, 4000, 400);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) count += data[i] === r && data[i + 1] === g && data[i + 2] === b;
+    return count; }"""
+
+
+def test_a_timeline_that_cannot_hold_all_spans_summarises_the_oldest(
+    show: Show, open_page: Open
+) -> None:
+    kept = open_page().evaluate("""async () => {
+        const { apply, emptyState } = await import("/static/store.js");
+        const s = emptyState();
+        const node = (path, parent = null) => ({ path, parent, name: path });
+        apply(s, { event: "RunStarted", t: 0, seq: 1, nodes: [node("t"), node("a", "t"), node("b", "t")] });
+        for (let i = 0; i < 9000; i++) {
+            const path = i % 2 ? "a" : "b", reason = i === 6 ? { code: "JAMMED", message: "" } : null;
+            const of = { event: "NodeChanged", path, starts: i };
+            apply(s, { ...of, t: i, seq: 2 * i, status: "RUNNING" });
+            apply(s, { ...of, t: i + 0.5, seq: 2 * i + 1, status: reason ? "FAILURE" : "SUCCESS", reason });
+        }
+        const [first] = s.spans, newest = s.spans.at(-1);
+        return { count: s.spans.length, first: first.start, failed: first.status, newest: newest.start,
+            all: s.spans.reduce((sum, span) => sum + (span.of ?? 1), 0) }; }""")
+    assert kept["count"] <= 4000
+    assert (kept["first"], kept["failed"], kept["newest"], kept["all"]) == (
+        0,
+        "FAILURE",
+        8999,
+        9000,
+    )
 
 
 def test_a_condition_that_does_not_hold_is_no_failure_on_the_way(
@@ -749,9 +804,13 @@ def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> 
     page = open_page()
     page.get_by_role("button", name="Runs").click()
     expect(page.locator("#runs tbody tr")).to_have_count(2)
-    page.get_by_role("button", name="1 failed").click()
+    page.get_by_label("result", exact=True).select_option("failure")
     expect(page.locator("#runs tbody tr")).to_have_count(1)
-    page.get_by_role("button", name="1 failed").click()
+    page.get_by_label("result", exact=True).select_option("")
+    expect(page.locator("#runs tbody tr")).to_have_count(2)
+    page.get_by_label("tree of the runs").select_option("broken")
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+    page.get_by_label("tree of the runs").select_option("")
     expect(page.locator("#runs tbody tr")).to_have_count(2)
     page.get_by_label("compare old_1").check()
     page.get_by_label("compare old_2").check()
@@ -764,6 +823,37 @@ def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> 
     expect(page.locator("#runs tbody tr")).to_have_count(1)
     page.get_by_role("button", name="old_2").click()
     expect(page.locator("#run")).to_have_text("broken · seed 2")
+
+
+def test_fruit_and_damage_of_a_simulated_run_stand_in_its_row(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1")
+    page = open_page()
+    truth = {"put_away": 2, "bruised": 1, "drops": 0, "lost": 0, "collisions": 3}
+    page.route("**/api/runs", lambda route: route.fulfill(json=with_truth(route.fetch(), truth)))
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#runs tbody .fruit")).to_have_text("2")
+    expect(page.locator("#runs tbody .damage.warn")).to_have_text("1 bruised, 3 hit")
+
+
+def with_truth(answer: Any, truth: dict[str, int]) -> list[dict[str, Any]]:
+    return [{**run, "truth": truth} for run in answer.json()]
+
+
+def test_a_page_without_a_run_opens_the_newest_record_until_a_run_begins(
+    show: Show, open_page: Open
+) -> None:
+    show.record(JAM, "2026-01-01_10-00-00_older", seed=1)
+    show.record(BROKEN, "2026-01-02_10-00-00_newer", seed=2)
+    show.dashboard.allow_starts(lambda _form: "demo", Choices.installed())
+    page = open_page()
+    expect(page.locator("#run")).to_have_text("broken · seed 2")
+    expect(page.locator("#why")).to_contain_text("JAMMED")
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#control")).to_be_visible()  # a run can be started beside a record
+    show.run(HOLD, seed=3)
+    expect(page.locator("#run")).to_have_text("demo · seed 3")
+    expect(page.locator("#state")).to_have_text("▶ running")
+    GATE.set()
 
 
 def test_a_comparison_gives_values_as_they_are_written(show: Show, open_page: Open) -> None:
@@ -854,9 +944,12 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(
 
     def judge(form: dict[str, Any]) -> dict[str, str]:
         forms.append(form)
-        return (
-            {"kind": "there is no fruit 'stone'"} if form["settings"].get("kind") == "stone" else {}
-        )
+        wrong = {"kind": ("stone", "there is no fruit 'stone'"), "looks": ("0", "0 is below 1")}
+        return {
+            name: words
+            for name, (value, words) in wrong.items()
+            if form["settings"].get(name) == value
+        }
 
     show.dashboard.allow_starts(
         lambda *_: pytest.fail("nothing was started"), Choices.installed(), judge
@@ -873,14 +966,14 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(
     page.get_by_text("Parameters of the tree").click()
     field = page.locator("[data-setting=looks]")
     field.fill("0")
-    expect(page.get_by_text("looks is at least 1, 0 is below")).to_be_visible()
+    expect(page.get_by_text("0 is below 1")).to_be_visible()
     expect(field).to_have_attribute("aria-invalid", "true")
     expect(page.locator("#start-button")).to_be_disabled()
     expect(page.locator("#start-hint")).to_have_text("looks cannot be used.")
     expect(page.locator(".changes").first).to_have_text("1 changed")
     field.fill("2")
     expect(page.locator("#start-button")).to_be_enabled()
-    page.locator("[data-setting=kind]").fill("stone")  # no limit that the page knows
+    page.locator("[data-setting=kind]").fill("stone")
     expect(page.get_by_text("there is no fruit 'stone'")).to_be_visible()
     expect(page.locator("#start-button")).to_be_disabled()
     assert forms[-1]["settings"] == {"looks": "2", "kind": "stone"}

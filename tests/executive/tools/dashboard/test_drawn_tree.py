@@ -8,7 +8,7 @@ from typing import Any
 
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.events import Event, RunStarted
-from pomona.tools.dashboard.redrawing import drawing
+from pomona.tools.dashboard.pages import drawing
 
 TREE = """pomona: 1
 tree: demo

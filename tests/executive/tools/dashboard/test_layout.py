@@ -112,26 +112,6 @@ def test_on_a_phone_the_camera_or_a_large_scene_stands_above_the_tree(
     assert box(page, "#why")["y"] < seen["y"]
 
 
-def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(
-    show: Show, open_page: Callable[..., Any]
-) -> None:
-    show.record(LOOK, "old_1")
-    (show.records / "old_1" / "tree.yaml").write_text(LOOK, encoding="utf-8")
-    page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
-    expect(page.locator("#connection")).to_have_text("recorded run")
-    seen = [box(page, panel) for panel in (".camera-panel", ".scene-panel")]
-    assert sum(of["width"] * of["height"] for of in seen) >= 1280 * 800 / 2  # half of the page
-    page.get_by_role("button", name="Drawing").click()
-    drawn = page.locator("#drawing g", has_text="Look")
-    expect(drawn).to_have_class(re.compile("good"))
-    drawn.click()
-    expect(page.locator(".row.selected .name")).to_have_text("Look")
-    expect(drawn).to_have_class(re.compile("good.*chosen"))
-    page.keyboard.press("Escape")  # closes the drawing first
-    expect(page.locator("#drawing")).to_be_hidden()
-    expect(page.locator("#press")).to_be_hidden()
-
-
 def test_a_stretch_of_the_curves_is_zoomed_into_and_a_double_click_goes_back(
     show: Show, open_page: Callable[..., Any]
 ) -> None:
@@ -203,6 +183,23 @@ def test_all_curves_are_in_sight(
     page.evaluate(GRIP)
     expect(page.locator("#plots .plot")).to_have_count(3)
     assert page.locator("#plots").evaluate("(plots) => plots.scrollWidth <= plots.clientWidth + 1")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800)])
+def test_curves_have_120_px_of_height_beside_a_table(
+    show: Show, open_page: Callable[..., Any], width: int, height: int
+) -> None:
+    page = open_page(viewport={"width": width, "height": height})
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.evaluate(GRIP)
+    page.evaluate(TABLE)
+    expect(page.locator("#plots .plot")).to_have_count(3)
+    page.evaluate(DRAWN)
+    heights = "(curves) => curves.map((curve) => curve.getBoundingClientRect())"
+    boxes = page.locator("#plots .u-over").evaluate_all(heights)
+    assert min(box["height"] for box in boxes) >= 120
+    assert max(box["y"] + box["height"] for box in boxes) < height
 
 
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800), (768, 1024)])
@@ -357,7 +354,7 @@ def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
     expect(page.locator("#statistics .codes tbody tr")).to_have_text(
         ["JAMMED2 of 32026-11-21_12026-11-20_0"]
     )
-    page.get_by_role("button", name="2026-11-21 · 2").click()
+    page.get_by_label("filter runs").fill("2026-11-21")
     expect(page.locator("#statistics .figure").first).to_contain_text("1 of 2")
     page.get_by_role("link", name="2026-11-21_1").first.click()
     expect(page.locator("#connection")).to_have_text("recorded run")

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -150,6 +151,56 @@ def test_when_it_failed_and_beside_a_live_run(show: Show, open_page: Open) -> No
     assert problems == []
 
 
+def test_a_reason_that_is_known_stays_while_the_server_is_silent(show: Show, chromium: Any) -> None:
+    show.record(JAMMED, "old_1")
+    page = chromium.new_page()
+    wire = Wire(page)
+    page.goto(f"{show.dashboard.link}&run=old_1")
+    expect(page.locator("#why")).to_contain_text("the wheel is stuck")
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+    wire.open = False
+    expect(page.locator("#not-live")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator("#why")).to_be_visible()
+    problems = in_sight(page, "recorded_and_silent")
+    page.evaluate("() => { location.hash = ''; }")
+    page.route("**/api/runs/old_1/**", lambda _route: None)  # it is never answered
+    page.get_by_role("button", name="Runs").click()
+    page.locator(".open-run").click()
+    expect(page.locator("#why .verdict")).to_have_text("failure: JAMMED the wheel is stuck.")
+    page.close()
+    assert problems == []
+
+
+def test_in_the_safe_state_nothing_looks_alive_and_ages_grow_on(
+    show: Show, open_page: Open
+) -> None:
+    page = open_page(viewport={"width": 1280, "height": 800})
+    runner = show.run(LOOKED)
+    expect(page.locator(".keys b").first).to_be_visible()
+    show.dashboard.hub.on_event(
+        Published(0.0, 1, "", "tally", TableView(("fruit",), (("apple",),), "one fruit"))
+    )
+    expect(page.locator("#camera-age")).to_have_text(re.compile("now|ago"))
+    runner.safe_stop("a test", "ada")
+    expect(page.locator("#latched")).to_be_visible()
+    expect(page.locator(".keys b")).to_have_text(["–", "–"])
+    colours = page.evaluate(LIVELY)
+    assert colours == []
+    for age in ("#camera-age", "#scene-age", ".plot .age >> nth=0", "#tables caption small"):
+        expect(page.locator(age)).to_have_text(re.compile(r"^\d.* ago$"))
+    first = page.locator("#camera-age").text_content()
+    expect(page.locator("#camera-age")).not_to_have_text(first)
+    runner.acknowledge("ada")
+    expect(page.locator(".link.still")).to_have_text("wheel: closed")
+
+
+LIVELY = """() => [...document.querySelectorAll("#camera, .stage, #plots, #tables, .link")].filter((e) => {
+    const rgb = getComputedStyle(e).color.match(/\\d+/g).slice(0, 3).map(Number), { filter } = getComputedStyle(e);
+    return filter !== "grayscale(1)" && Math.max(...rgb) - Math.min(...rgb) > 40; }).map((e) => e.id || e.className)"""
+
+
 def test_when_nothing_is_heard_and_when_the_page_cannot_act(show: Show, chromium: Any) -> None:
     page = chromium.new_page()
     wire = Wire(page)
@@ -187,17 +238,17 @@ def test_when_the_program_was_closed_after_its_run(show: Show, chromium: Any) ->
     assert problems == []
 
 
-def test_what_picks_show_of_the_camera_stands_beside_the_result(
+def test_what_picks_show_of_the_camera_stands_below_the_curves_not_beside_the_result(
     show: Show, open_page: Open
 ) -> None:
     page = open_page(viewport={"width": 1280, "height": 800})
-    show.run(JAMMED)
-    expect(page.locator("#state")).to_have_text("✗ failure")
+    show.run(LOOKED)
+    expect(page.locator("#state")).to_have_text("▶ running")
     words = "The camera sits 6.1 ± 0.4 mm to the left of where the cell file has it (12 picks)."
     for sentence in ("The camera's place is not known from 1 pick.", words):
         table = TableView(("camera",), ((sentence,),), "the camera, from the touches of the pads")
         show.dashboard.hub.on_event(Published(0.2, 1, "", "camera", table))
-        expect(page.locator("#why .remark")).to_have_text(sentence)
-    box = page.locator("#why .remark").bounding_box()
-    assert box["y"] + box["height"] < 800 / 3
+        expect(page.locator("#tables tbody tr")).to_have_text(sentence)
+    expect(page.locator("#why")).not_to_contain_text("camera")
+    GATE.set()
     assert in_sight(page, "camera_off") == []

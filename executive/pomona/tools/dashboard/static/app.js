@@ -1,12 +1,11 @@
 // The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read. Both can be scrubbed.
 import { $, put, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
-import { newCursor, newFeed, page, readAddress, say, withToken } from "./page.js";
+import { isOver, newCursor, newFeed, page, read, readAddress, say, withToken } from "./page.js";
 import { connect, isClosed, isStale, link, press, TWICE } from "./link.js";
 import { drawTrust } from "./trust.js";
 import { closeLarge } from "./layout.js";
 import { TreeView } from "./tree.js";
-import { DrawingView } from "./drawing.js";
 import { CameraView, PlotsView } from "./pictures.js";
 import { drawPanels } from "./panels/index.js";
 import { SceneView } from "./scene.js";
@@ -28,7 +27,6 @@ const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }
 const camera = new CameraView();
 const plots = new PlotsView();
 const scene = new SceneView((path) => { tree.open(path); tree.show(path); });
-const drawing = new DrawingView((path) => { tree.open(path); tree.show(path); });
 const timeline = new Timeline(goTo);
 onMoment(goTo);
 
@@ -92,11 +90,12 @@ function parts() {
   if (page.at !== null) wantDetail(page.at);
   const s = momentState(), live = page.live.whole, { whole } = page;
   const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
+  s.fatal = whole.fatal;
   const follows = page.at !== null; // later samples are known, too
   return [
     () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
     () => { drawWhy(whole); drawBeside(whole); }, // first, since the other panels take the remaining space
-    () => { tree.update(s); tree.explain(whole); drawing.update(s, tree.paths, page.selected, tree.scale); },
+    () => { tree.update(s); tree.explain(whole); },
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },
     () => plots.update(s, page.at, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
@@ -106,12 +105,13 @@ function parts() {
 }
 
 function drawPlayback() {
-  $("live").classList.toggle("on", page.at === null);
+  $("live").classList.toggle("on", page.at === null && !isOver(page.whole));
   $("live").hidden = Boolean(page.recorded);
   put($("play"), page.playing ? "❚❚" : "▶");
   $("play").setAttribute("aria-label", page.playing ? "pause the playback" : "play");
   document.body.classList.toggle("no-run", !page.whole.run);
   document.body.classList.toggle("past", page.at !== null && !page.recorded);
+  document.body.classList.toggle("over", isOver(page.whole));
 }
 
 // The second run at this moment in words; curves and path show the rest.
@@ -156,19 +156,24 @@ function receive(message, size) {
     if (page.stream && page.stream !== message.stream) forget(); // another process numbers its messages anew
     Object.assign(page, { stream: message.stream, silent: null });
     if (!page.recorded) say("connected");
-  } else if (message.event === "Control") { page.control = message; page.heardControl = performance.now(); }
+  } else if (message.event === "Control") {
+    page.control = message; page.heardControl = performance.now();
+    if (message.start && !message.start.problem) leaveNewest(); else if (unasked && message.starts && !live.whole.run) openNewest();
+    unasked = false;
+  }
   else if (message.event === "Picture") page.pictures.set(message.device, { ...message, received: performance.now() });
   else if (message.event === "Silent") page.silent = message.seconds ? performance.now() - 1000 * message.seconds : null;
   else if (message.event === "Beat") {
     const now = performance.now();
     page.beat = { tick: message.tick, wall: message.wall ?? 0, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
-    if (live.whole.run && !live.whole.ended) live.whole.t = Math.max(live.whole.t, message.t);
+    if (live.whole.run && !live.whole.ended) { live.whole.t = Math.max(live.whole.t, message.t); page.heard = now; }
   } else if (message.event !== "Lagged") {
-    if (message.event === "RunStarted") { forget(); page.beat = null; page.pictures.clear(); }
+    if (message.event === "RunStarted") { forget(); page.beat = null; page.pictures.clear(); leaveNewest(); }
     else if (message.seq <= live.whole.seq) return;
     page.live.messages.push(message);
     page.live.size += size;
     apply(page.live.whole, message);
+    if (message.event !== "OperatorActed") page.heard = performance.now();
     if (page.live.size > MOST_CHARACTERS) shorten(page.live);
     if (message.event === "RunEnded" && !$("runs-view").hidden) loadRuns();
     if (message.event === "RunEnded" && !page.recorded && page.at === null && message.outcome === "failure") goTo(tellingMoment(live.whole));
@@ -195,6 +200,15 @@ async function openRecord(name, t) {
   if (problem) say("record not readable", "bad"); else say("recorded run");
   page.dirty = true;
 }
+
+// A page that starts runs and shows none opens the newest record; the next run takes its place, unless another one was chosen.
+let unasked = false, newest = "";
+async function openNewest() {
+  const [first] = await read("/api/runs").then((answer) => answer.json()).catch(() => []);
+  if (!first || first.state === "running" || location.hash || page.live.whole.run || !$("runs-view").hidden) return;
+  location.hash = newest = `#run=${encodeURIComponent(first.run)}`;
+}
+const leaveNewest = () => { if (newest && location.hash === newest) location.hash = ""; newest = ""; };
 
 function openAddress() {
   const { run, over, t } = readAddress();
@@ -268,7 +282,7 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("hashchange", openAddress);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.repaint(); timeline.key = ""; page.dirty = true; });
 
-openAddress();
+unasked = !openAddress();
 connect(receive);
 setInterval(() => { page.dirty = true; }, 500);
 setInterval(() => drawTrust(page.live.whole), 100); // also without messages and frames

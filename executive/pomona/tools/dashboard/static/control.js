@@ -1,8 +1,9 @@
 // The control bar, the banner of the safe state, and the header: acknowledged states, never mere clicks.
 import { $, h, put, seconds } from "./dom.js";
-import { hasNoEnd, holdsControl, page, say } from "./page.js";
+import { hasNoEnd, holdsControl, isOver, page, say } from "./page.js";
 import { isClosed, isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
+import { heldWords, lookFirst } from "./steps.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", partial: "◐", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌", "no end": "■" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
@@ -57,7 +58,7 @@ export function drawControl(s) {
     if (action === "take" || action === "release") button.hidden = mine === (action === "take");
   }
   drawSpeed(s, mine && (running || paused));
-  $("control").hidden = !live || isClosed();
+  $("control").hidden = isClosed() || (!live && $("runs-view").hidden);
   const { held_by: holder, viewers, holder_here: here } = page.control;
   if (mine) taken = ""; else if (wasMine && holder) taken = " It was taken over from you.";
   wasMine = mine;
@@ -81,8 +82,8 @@ function restWords(s) {
   const silent = [...s.links].filter(([, link]) => link.state !== "ok").map(([device]) => device);
   if (silent.length) return `No feedback from ${silent.join(", ")}: its motion is unknown. Look at the cell: if anything moves, press the emergency stop.`;
   if (s.unrest) return `Standstill not confirmed: ${s.unrest}. Look at the cell: if anything moves, press the emergency stop.`;
-  const hand = s.hand ? ` In the hand: ${s.hand}.` : "";
-  return s.ended ? `The cell reports standstill.${hand} Nothing resumes by itself.` : "Stop requested; standstill not yet reported.";
+  const hand = ` In the hand: ${heldWords(s)}.`;
+  return s.ended ? `The cell reports standstill.${hand} Look first ${lookFirst(s)}. Acknowledging moves nothing; nothing resumes by itself.` : "Stop requested; standstill not yet reported.";
 }
 
 // A pause at a breakpoint has the node's path; the page shows its name.
@@ -124,18 +125,18 @@ export function drawHeader(s) {
 
 // Each device: state of its link and age of its last message; in a record, time of the state.
 function drawLinks(s) {
-  const live = !page.recorded && page.at === null && page.beat && !s.ended;
+  const over = isOver(s), live = !page.recorded && page.at === null && page.beat && (!s.ended || s.safeStop); // the safe state holds the devices open
   const since = live ? (performance.now() - page.beat.received) / 1000 : 0;
   const links = [...s.links].map(([device, { state, t }]) => {
     const age = live && device in page.beat.ages ? page.beat.ages[device] + (since > 1.5 ? since : 0) : null;
-    const rank = state !== "ok" ? "bad" : age !== null && age > OLD ? "old" : "ok";
-    const words = state !== "ok" ? `: ${state}, for ${seconds(Math.max(0, s.t - t))}` : "";
+    const rank = state !== "ok" ? "bad" : over ? "still" : age !== null && age > OLD ? "old" : "ok";
+    const words = over && !live && state === "ok" ? ": closed" : state !== "ok" ? `: ${state}, for ${seconds(Math.max(0, s.t - t))}` : "";
     return { device, rank, words, seconds: age, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last message ${seconds(age)} ago`}` };
   });
-  const fine = links.filter((l) => l.rank === "ok");
+  const fine = links.filter((l) => l.rank === "ok" || l.rank === "still");
   if (innerWidth < NARROW && fine.length > 2) { // those that answer share one entry where room is scarce
     const oldest = Math.max(...fine.map((l) => l.seconds ?? -1));
-    links.splice(0, links.length, { device: `${fine.length} devices`, rank: "ok", words: "", age: oldest < 0 ? "" : seconds(oldest), title: fine.map((l) => l.title).join("\n") }, ...links.filter((l) => l.rank !== "ok"));
+    links.splice(0, links.length, { device: `${fine.length} devices`, rank: fine[0].rank, words: fine[0].words, age: oldest < 0 ? "" : seconds(oldest), title: fine.map((l) => l.title).join("\n") }, ...links.filter((l) => !fine.includes(l)));
   }
   const key = JSON.stringify(links);
   if ($("links").dataset.key === key) return;

@@ -20,7 +20,7 @@ function apply() {
   for (const button of document.querySelectorAll("[data-enlarge]")) {
     const on = kept.large === button.dataset.enlarge;
     button.setAttribute("aria-pressed", on);
-    button.textContent = button.dataset.words ?? (on ? "Small" : "Large");
+    button.textContent = on ? "Small" : "Large";
   }
 }
 

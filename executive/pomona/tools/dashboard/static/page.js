@@ -11,7 +11,7 @@ export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base
 export const page = {
   live: newFeed(), record: null, over: null, at: null, playing: false,
   recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
-  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false, problem: "",
+  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, heard: 0, beat: null, silent: null, pictures: new Map(), selected: null, dirty: true, drawing: false, opened: false, problem: "",
   get feed() { return this.record ?? this.live; }, // the record, or the live run
 };
 for (const name of Object.keys(newFeed())) Object.defineProperty(page, name, { get() { return this.feed[name]; }, set(value) { this.feed[name] = value; } });
@@ -23,6 +23,14 @@ export function randomId() { return [...crypto.getRandomValues(new Uint8Array(16
 
 // A record that was read and has no end of its run: cut off, or the run goes on in another process.
 export const hasNoEnd = () => Boolean(page.recorded && page.opened && page.whole.run && !page.whole.ended) && !(page.live.whole.run?.run === page.whole.run.run && !page.live.whole.ended);
+
+// Age of a value of time t of the run [s]: it grows on after the end, and while nothing is heard. At a moment that is looked at: its age then.
+export function ageOf(s, t) {
+  const { run, ended } = s, live = page.at === null && !page.recorded && run;
+  return s.t - t + (!live ? 0 : Math.max(0, ended && run.wall_time ? Date.now() / 1000 - run.wall_time - ended.wall : (performance.now() - page.heard) / 1000));
+}
+// The run on the page is over, or in the safe state: nothing that is shown of it is of now.
+export const isOver = (s) => Boolean(s.ended || s.safeStop) && !page.recorded && page.at === null;
 
 export const holdsControl = () => page.control.grant === page.grant && Boolean(page.control.held_by);
 

@@ -1,16 +1,17 @@
 // Texts about the run: reason of a failure, details of a node, values, events.
-import { $, h, percent, quantity, seconds, show } from "./dom.js";
+import { $, h, percent, put, quantity, seconds, show } from "./dom.js";
 import { wordsOf } from "./control.js";
 import { isClosed, link, press } from "./link.js";
-import { hasNoEnd, holdsControl, page, read } from "./page.js";
-import { drawSteps } from "./steps.js";
-import { DECIDED, lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
+import { ageOf, hasNoEnd, holdsControl, page, read } from "./page.js";
+import { runNamed } from "./runs.js";
+import { commandOf, drawSteps, heldWords, lookFirst, nextCommand } from "./steps.js";
+import { DECIDED, expected, lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
 let goTo = () => {};
 export function onMoment(handler) { goTo = handler; }
 
 const moment = (t) => h("button", { class: "moment", title: "Show this moment", onclick: () => goTo(t) }, seconds(t));
-const ago = (s, t) => `${seconds(Math.max(0, s.t - t))} ago`;
+const ago = (s, t) => `${seconds(Math.max(0, ageOf(s, t)))} ago`;
 
 const figures = (facts) => (facts.length ? h("dl", { class: "data" }, facts.map(([name, value]) => quantity(name, value)).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))) : null);
 
@@ -34,12 +35,19 @@ const ENDED = { success: ["good", "✓ Succeeded"], failure: ["bad", "✗ Failed
 function verdict(leaf, s) {
   const words = leaf.message.replace(/[.\s]*$/, "");
   return [leaf.node_path ? [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? leaf.node_path), " "] : null, h("code", {}, leaf.code), ` ${words}.`,
-    figures(Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS))];
+    s.fatal < Infinity && figures(Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS))];
 }
 
 // The remedy of a failure code, or null; the server has the list.
 let remedies = null;
-function remedyOf(code) {
+// Where this tree or cell has a word of a remedy.
+function placed(word, s, path) {
+  const { run } = s, at = [s.byPath.get(path), ...s.nodes].find((node) => word in { ...node?.inputs, ...node?.settings });
+  if (!/^[a-z_]+:?$/.test(word)) return "";
+  if (at) return ` (${resolved(at.inputs?.[word] ?? at.settings[word], s)} at ${at.name}, line ${at.line})`;
+  return word in (run.parameters ?? {}) ? " (a parameter of the tree)" : [run.cell_text, ...Object.values(run.cell_files ?? {})].some((text) => text?.includes(`${word.replace(":", "")}:`)) ? " (in the cell's files)" : " (not set in this tree or cell)";
+}
+function remedyOf(code, s, path) {
   if (!code) return null;
   if (!remedies) {
     remedies = {};
@@ -47,7 +55,7 @@ function remedyOf(code) {
     read("/api/remedies").then((answer) => answer.json()).then(tried, () => setTimeout(tried, 3000, null));
   }
   const words = remedies[code];
-  return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? h("kbd", {}, part) : part)), ".") : null;
+  return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? [h("kbd", {}, part.startsWith("pomona run …") ? commandOf(s, "--recover") : part.replace("--cell …", `--cell ${s.run.cell_path}`)), h("span", { class: "muted" }, placed(part, s, path))] : part)), ".") : null;
 }
 
 // Failures of a run that goes on or succeeded. A condition that did not hold is a decision of the tree.
@@ -60,25 +68,26 @@ export function drawWhy(s) {
   const latest = s.ended && s.ended.outcome !== "success" ? s.failures.at(-1) : onTheWay(s).at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}|${cameraOf(s)}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}`;
+  for (const element of $("why").querySelectorAll(".hand-age")) put(element, ` ${ago(s, s.handAt)}`);
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
   $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : page.problem || hasNoEnd() || (page.opened && page.recorded && !s.run) ? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
-  $("why").replaceChildren(...[...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)), cameraOf(s) && h("p", { class: "remark" }, cameraOf(s)), closedWords()].flat().filter(Boolean));
+  $("why").replaceChildren(...[...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)), closedWords()].flat().filter(Boolean));
 }
 
-// What picks have shown of the camera's place: the caliper's table of one sentence.
-const cameraOf = (s) => s.tables.get("camera")?.rows[0]?.[0] ?? "";
-
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
+
+// While a record is read: the reason that the list has of it.
+const listedWords = (r) => (r?.code ? [h("div", { class: "verdict" }, h("b", {}, r.outcome), ": ", h("code", {}, r.code), ` ${r.message}.`), h("p", { class: "muted" }, "From the list of runs; the record itself is being read.")] : []);
 
 function goingWords(s, doing, latest) {
   if (!page.recorded && !s.run) {
     const how = page.control.starts ? "The button opens the form that starts one, and the list of recorded runs." : "It appears when the program begins it. The button opens the list of recorded runs.";
     return [h("p", {}, "No run yet."), h("p", { class: "muted" }, `A run is shown here live: its tree, the camera, the robot in space, and curves of forces and width. ${how}`)];
   }
-  if (!s.run) return page.opened ? [h("div", { class: "verdict" }, h("b", { class: "bad" }, "✗ This record cannot be shown"), `: ${page.problem || "it holds no run; it was cut off, or has just begun"}.`)] : [];
+  if (!s.run) return !page.opened ? listedWords(runNamed(page.recorded)) : [h("div", { class: "verdict" }, h("b", { class: "bad" }, "✗ This record cannot be shown"), `: ${page.problem || "it holds no run; it was cut off, or has just begun"}.`)];
   if (hasNoEnd()) return [h("div", { class: "verdict" }, h("b", { class: "bad" }, "■ No end"), `: the record ends at ${seconds(s.t)}${doing ? ` in ${doing}` : ""}. The run was cut off, or still goes on.`)];
   const runs = s.state === "running", state = runs ? "▶ " : s.state === "paused" ? "❚❚ Paused, at rest" : `❚❚ ${s.state}`;
   const reason = s.because === "at rest" ? s.pausedBy : s.because, because = reason && s.acts.some((act) => act.action === "pause" && act.who === reason) ? `by ${reason}` : reason;
@@ -93,7 +102,7 @@ function endedWords(s, latest) {
   const [rank, word] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome], state = s.ended.reason?.code === "UNVERIFIED" ? "◐ Not verified" : word;
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
-  const hand = s.hand && failed ? h("p", {}, h("b", {}, "In the hand: "), s.hand) : null;
+  const hand = failed ? h("p", {}, h("b", {}, "In the hand: "), heldWords(s), h("span", { class: "muted hand-age" }), ". ", h("b", {}, "Look first "), lookFirst(s), ". ", h("b", {}, "Go on: "), h("kbd", {}, nextCommand(s))) : null;
   const done = s.tables.get("tally")?.caption ?? "", failures = failed ? s.failures : onTheWay(s), count = failures.length;
   const achieved = done ? `: ${done}` : "";
   if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), achieved, failed ? "." : ` after ${seconds(s.ended.t)}; nothing failed on the way.`), hand];
@@ -104,7 +113,7 @@ function endedWords(s, latest) {
     h("div", { class: "verdict" }, lead, failed ? verdict(leaf, s) : ""),
     failed && done ? h("p", {}, done) : null,
     failed ? null : h("p", { class: "muted" }, `${count} failure${count === 1 ? "" : "s"} on the way. The latest, at `, moment(latest?.t ?? 0), ": ", verdict(leaf, s), latest?.next ? [" Then the tree went on with ", h("strong", {}, name(latest.next)), "."] : ""),
-    remedyOf({ failure: leaf.code, partial: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
+    remedyOf({ failure: leaf.code, partial: leaf.code, error: "EXCEPTION" }[s.ended.outcome], s, leaf.node_path),
     hand,
     same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
     count > 1 ? h("details", {}, h("summary", {}, `All ${count} failures`), h("ol", { class: "history" }, failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
@@ -140,12 +149,12 @@ export function drawNode(s, onBreak) {
   const chosen = Boolean(page.selected), path = page.selected ?? s.spans.at(-1)?.path; // until one is chosen, the skill that started last
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
-  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${s.logs.length}|${s.logs.at(-1)?.t}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${Boolean(s.ended)}|${holdsControl()}`;
+  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${s.logs.length}|${s.logs.at(-1)?.t}|${before}|${after}|${(s.t + ageOf(s, s.t)).toFixed(0)}|${page.recorded}|${s.acts.length}|${Boolean(s.ended)}|${holdsControl()}`;
   if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not while the operator types in it
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }
-  const { icon, words, rank } = standing(node), last = lastResult(node), results = node?.history.filter((e) => e.status !== "INVALID") ?? [];
+  const { icon, words, rank } = standing(node, s), last = lastResult(node), results = node?.history.filter((e) => e.status !== "INVALID") ?? [];
   const lines = s.logs.filter((e) => e.path === path);
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
@@ -157,7 +166,7 @@ export function drawNode(s, onBreak) {
     h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${words}`), h("span", {}, [percent(node?.feedback ?? ""), last ? ago(s, last.t) : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
     page.recorded || !chosen ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
     ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about, chosen), ...wires("Writes", about.outputs),
-    ...(results.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, results.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
+    ...(results.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, results.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status !== "FAILURE" ? "" : expected(s, e.t) ? "warn" : "bad" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
     ...(lines.length ? [h("h3", {}, "Log"), h("ol", { class: "history" }, lines.slice(-20).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.bad ? "bad" : "" }, `${e.level} ${e.text}`))))] : []),
     ...(source ? [h("h3", {}, "In the tree's file"), h("pre", { tabindex: "0" }, source)] : [])].filter(Boolean));
 }
@@ -165,7 +174,7 @@ export function drawNode(s, onBreak) {
 let portsKey = "";
 export function drawPorts(s) {
   if ($("ports").hidden) return;
-  const key = `${s.run?.run}|${[...s.ports.values()].map((p) => p.t).join()}|${s.t.toFixed(0)}`;
+  const key = `${s.run?.run}|${[...s.ports.values()].map((p) => p.t).join()}|${(s.t + ageOf(s, s.t)).toFixed(0)}`;
   if (key === portsKey || $("ports").querySelector("details[open]")) return;
   portsKey = key;
   if (!s.ports.size) { $("ports").replaceChildren(h("p", { class: "empty" }, "Nothing is written yet.")); return; }
@@ -188,9 +197,9 @@ export function drawLog(s) {
   logKey = key;
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const turns = s.spans.slice(-200).flatMap((span) => [{ t: span.start, icon: "▶", text: name(span.path) }, ...(span.end === null || span.status === "FAILURE" || span.halted ? [] : [{ t: span.end, icon: STATUS[span.status].icon, text: `${name(span.path)} ${STATUS[span.status].word}, ${seconds(span.end - span.start)}` }])]);
-  const events = [...s.marks.slice(-200).map((m) => ({ t: m.t, icon: ICON[m.kind], text: m.text, bad: m.kind === "bad" || m.kind === "failure" })), ...turns, ...s.logs.slice(-200).map((e) => ({ ...e, icon: "✎", text: `${name(e.path)} ${e.level}: ${e.text}` }))].sort((a, b) => b.t - a.t).slice(0, 300);
+  const events = [...s.marks.slice(-200).map((m) => ({ t: m.t, icon: ICON[m.kind], text: m.text, rank: m.kind === "bad" || (m.kind === "failure" && !expected(s, m.t)) ? "bad" : m.kind === "failure" ? "warn" : "" })), ...turns, ...s.logs.slice(-200).map((e) => ({ ...e, rank: e.bad ? "bad" : "", icon: "✎", text: `${name(e.path)} ${e.level}: ${e.text}` }))].sort((a, b) => b.t - a.t).slice(0, 300);
   if (!events.length) { $("log").replaceChildren(h("p", { class: "empty" }, "Nothing has happened yet.")); return; }
-  $("log").replaceChildren(h("ol", { class: "events" }, events.map((e) => h("li", {}, moment(e.t), h("span", { class: e.bad ? "bad" : "" }, `${e.icon} ${e.text}`)))));
+  $("log").replaceChildren(h("ol", { class: "events" }, events.map((e) => h("li", {}, moment(e.t), h("span", { class: e.rank ?? "" }, `${e.icon} ${e.text}`)))));
 }
 
 const ICON = { failure: "✗", bad: "✗", good: "✓", act: "◆", state: "▼" };

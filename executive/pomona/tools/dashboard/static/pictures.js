@@ -1,7 +1,8 @@
 // Camera images with overlays, and time series.
 import uPlot from "./vendor/uplot.js";
 import { $, h, put, seconds } from "./dom.js";
-import { page, withToken } from "./page.js";
+import { ageOf, isOver, page, withToken } from "./page.js";
+import { expected } from "./store.js";
 
 const LINE = new Set(["found", "refined", "muted", "chosen", "ruled_out"]);
 const SVG = "http://www.w3.org/2000/svg";
@@ -23,7 +24,7 @@ export class CameraView {
       this.key = key;
       this.draw(views, live);
     }
-    if (live && this.live) { this.live.src = live.image; put($("camera-age"), `live · ${live.device}${this.at === null ? "" : `; last look ${seconds(Math.max(0, state.t - this.at))} ago`}`); }
+    if (live && this.live) { this.live.src = live.image; put($("camera-age"), `live · ${live.device}${this.at === null ? "" : `; last look ${seconds(Math.max(0, ageOf(state, this.at)))} ago`}`); }
     else showAge($("camera-age"), this.at, state);
   }
 
@@ -64,7 +65,7 @@ function runs(points) {
 // Age of the newest item, beside its title. Looks and plans are rare, so an old one is no fault; the header shows silent
 // devices, the banner a silent link.
 export function showAge(element, t, state) {
-  put(element, t === null ? "" : state.t - t < 0.5 ? "now" : `${seconds(state.t - t)} ago`);
+  put(element, t === null ? "" : ageOf(state, t) >= 0.5 || isOver(state) ? `${seconds(ageOf(state, t))} ago` : page.at === null && !page.recorded ? "now" : "at this moment");
 }
 
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // motions of a hand are small
@@ -72,7 +73,7 @@ const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const low = matchMedia("(max-height: 860px) and (min-width: 1241px)"); // the curves stand beside the lanes
 const tablet = matchMedia("(min-width: 721px) and (max-width: 900px)"); // a table follows them
-const height = () => (low.matches ? 73 : innerHeight <= 800 || tablet.matches ? 96 : 132);
+const height = () => (low.matches ? innerHeight < 780 ? 112 : 153 : innerHeight <= 800 || tablet.matches ? 96 : 160); // 120 px of it for the curves
 const LIVE = new Set(["running", "pausing", "paused"]), OLD = 1, NARROW = 150; // s, age from which on a value is an old one; px, width of a chart that leaves less room to the numbers of its axis
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
@@ -124,9 +125,9 @@ export class PlotsView {
 
   // `ahead`: the samples of this run, and of the one over it, up to a time after the moment; none where there is no after.
   update(state, at, end, over = null, ahead = null) {
-    this.marks = state.marks.filter((mark) => mark.kind !== "state");
+    this.marks = state.marks.filter((mark) => mark.kind !== "state").map((mark) => ({ ...mark, kind: mark.kind === "failure" && expected(state, mark.t) ? "warn" : mark.kind }));
     const marks = this.marks.length;
-    Object.assign(this, { end, at, follows: Boolean(ahead), now: at ?? state.t, alive: at !== null || LIVE.has(state.state) });
+    Object.assign(this, { end, at, follows: Boolean(ahead), now: at ?? state.t + ageOf(state, state.t), alive: at !== null || LIVE.has(state.state), over: isOver(state) });
     this.page = this.range(this.follows);
     const [from, to] = this.page, shown = ahead ? ahead[0](to) : state.series, others = ahead?.[1] ? ahead[1](to) : over?.series;
     const wanted = new Set();
@@ -186,7 +187,10 @@ export class PlotsView {
     const last = plot.data[0].length - 1;
     const index = plot.cursor.idx ?? (this.at === null ? last : lowerBound(plot.data[0], this.at + 1e-6) - 1);
     const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return [plot.data[column][i], this.now - plot.data[0][i]]; }; // at times of the other run
-    values.forEach((element, i) => { const over = both.indexOf(names[i]), [value, age] = known(i + 1), old = plot.cursor.idx === null && age > OLD; put(element, figure(value) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over)[0])}`) + (old ? ` · ${seconds(age)} ago` : "")); element.className = old || !this.alive ? "old" : ""; });
+    const ages = values.map((element, i) => { const over = both.indexOf(names[i]), [value, age] = known(i + 1); put(element, (this.over && plot.cursor.idx === null ? "–" : figure(value)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over)[0])}`)); return age; });
+    const oldest = Math.max(...ages), old = plot.cursor.idx === null && oldest > OLD;
+    put(chart.age, old ? `${seconds(oldest)} ago` : "");
+    for (const element of values) element.className = old || !this.alive ? "old" : "";
   }
 
   // Times and values of the shown part; two runs share the time since their starts.
@@ -209,9 +213,10 @@ export class PlotsView {
     const [shown, scale] = FINER[unit] ?? [unit, 1];
     const canvas = h("div");
     const thinned = h("small", { class: "thinned", hidden: true, title: "of many samples the least and the greatest are shown; nearer, in a shorter span, all of them are" }, "thinned");
-    const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, thinned), h("div", { class: "keys" }, keys), canvas);
+    const age = h("small", { class: "age" });
+    const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, age, thinned), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: "", of: null };
+    const chart = { box, age, width: 0, names, both, other, thinned, series, values, scale, drawn: "", of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: height(), padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: true, y: false, setScale: false, dist: 5 }, y: false },
       scales: { x: { time: false, range: () => this.page }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
@@ -253,7 +258,7 @@ function annotate(u, thresholds, unit, scale, marks, css) {
   const vertical = (t, stroke, dash) => { const x = u.valToPos(t, "x", true); g.strokeStyle = stroke; g.setLineDash(dash); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + height); g.stroke(); };
   g.lineWidth = devicePixelRatio;
   g.globalAlpha = 0.6;
-  for (const mark of marks) if (mark.t >= u.scales.x.min && mark.t <= u.scales.x.max) vertical(mark.t, colour(mark.kind === "good" ? "--good" : mark.kind === "act" ? "--accent" : "--bad"), [2, 4]);
+  for (const mark of marks) if (mark.t >= u.scales.x.min && mark.t <= u.scales.x.max) vertical(mark.t, colour({ good: "--good", act: "--accent", warn: "--warn" }[mark.kind] ?? "--bad"), [2, 4]);
   g.globalAlpha = 1;
   for (const [name, value] of Object.entries(thresholds)) {
     if (unitOf(name) !== unit) continue;

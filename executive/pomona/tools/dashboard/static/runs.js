@@ -13,8 +13,11 @@ let choices = { trees: [], cells: [] };
 let unread = "Reading trees and cells …"; // why there are no choices yet
 let starting = false;
 const chosen = new Set();
-const HEADS = { look: "look", tree: "tree-name", cell: "cell-name", seed: "seed", settings: "settings", took: "took", record: "record" }; // classes of columns that narrow lists leave out
+const HEADS = { look: "look", tree: "tree-name", cell: "cell-name", seed: "seed", settings: "settings", took: "took", fruit: "fruit", damage: "damage", record: "record" }; // classes of columns that narrow lists leave out
+const RESULT = { success: "good", partial: "warn" };
+const FILTERS = { result: (r) => r.outcome ?? r.state, tree: (r) => r.tree, cell: (r) => r.cell };
 
+export const runNamed = (name) => runs.find((r) => r.run === name);
 export async function loadRuns() {
   try { runs = await (await read("/api/runs")).json(); } catch { return; }
   drawRuns();
@@ -29,9 +32,8 @@ export function showRuns(on) {
 }
 
 $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
-$("runs-filter").addEventListener("input", drawRuns);
+for (const id of ["filter", ...Object.keys(FILTERS)]) $(`runs-${id}`).addEventListener("input", drawRuns);
 $("compare").addEventListener("click", compare);
-$("show-failed").addEventListener("click", () => { $("runs-filter").value = $("show-failed").getAttribute("aria-pressed") === "true" ? "" : "failure"; drawRuns(); });
 let width = 0; // of the list, for which the statistics are drawn
 new ResizeObserver(([{ contentRect }]) => { if (contentRect.width === width) return; ({ width } = contentRect); if (!$("statistics").hidden) drawRuns(); }).observe($("runs"));
 $("show-statistics").addEventListener("click", () => { $("statistics").hidden = !$("statistics").hidden; $("show-statistics").setAttribute("aria-pressed", !$("statistics").hidden); drawRuns(); });
@@ -40,26 +42,34 @@ document.addEventListener("open-run", () => showRuns(false));
 function drawRuns() {
   const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
   const text = (r) => [r.run, r.outcome ?? r.state, r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
-  const rows = runs.filter((r) => wanted.every((word) => text(r).includes(word)));
+  const is = Object.entries(FILTERS).map(([id, of]) => [offer(id, of), of]);
+  const rows = runs.filter((r) => wanted.every((word) => text(r).includes(word)) && is.every(([one, of]) => !one || of(r) === one));
   const told = (r) => Object.entries(r.settings ?? {}).map(([name, value]) => `${name} ${value}`).join(", ");
   const row = (r) => h("tr", {},
     h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
     h("td", { class: "look" }, h("img", { src: withToken(recordAddress(r.run, "thumbnail")).href, alt: "", loading: "lazy", width: 64, height: 48, onerror: (e) => e.target.remove() })),
-    h("td", { class: `outcome ${r.outcome === "success" ? "good" : "bad"}` }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? r.state}`),
+    h("td", { class: `outcome ${RESULT[r.outcome] ?? "bad"}` }, `${STATUS_WORD[r.outcome] ?? "?"} ${FILTERS.result(r)}`),
     h("td", { class: "when", title: r.run }, h("button", { class: "moment open-run", "aria-label": r.run, onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, whenOf(r)[1])),
     h("td", { class: "tree-name" }, r.tree ?? ""),
     h("td", { class: "cell-name" }, `${r.cell ?? ""}`), h("td", { class: "number seed" }, r.seed ?? ""), h("td", { class: "words settings" }, told(r)),
-    h("td", { class: "number took" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words why-ended" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
+    h("td", { class: "number took" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "number fruit" }, r.truth?.put_away ?? ""), h("td", { class: `damage ${/\d/.test(damageOf(r)) ? "warn" : ""}` }, damageOf(r)), h("td", { class: "words why-ended" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
     h("td", { class: "number record" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
-  const failed = runs.filter((r) => r.outcome === "failure").length;
-  $("show-failed").hidden = !failed;
-  $("show-failed").textContent = `✗ ${failed} failed`;
-  $("show-failed").setAttribute("aria-pressed", wanted.includes("failure"));
   const days = Map.groupBy(rows.slice(0, 300), (r) => whenOf(r)[0]);
-  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "look", "outcome", "when", "tree", "cell", "seed", "settings", "took", "why", "record"].map((c) => h("th", { class: HEADS[c] ?? null, title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, [...days].flatMap(([day, some]) => [day ? h("tr", { class: "day" }, h("th", { colspan: 11, scope: "rowgroup" }, day)) : null, ...some.map(row)]))));
-  if (!$("statistics").hidden) drawStatistics(rows, $("runs-filter"));
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "look", "result", "when", "tree", "cell", "seed", "settings", "took", "fruit", "damage", "why", "record"].map((c) => h("th", { class: HEADS[c] ?? null, title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, [...days].flatMap(([day, some]) => [day ? h("tr", { class: "day" }, h("th", { colspan: 13, scope: "rowgroup" }, day)) : null, ...some.map(row)]))));
+  if (!$("statistics").hidden) drawStatistics(rows);
   mayCompare();
+}
+
+// What the simulated world counts of a run: its damage in words.
+const DAMAGE = { bruised: "bruised", drops: "dropped", lost: "lost", collisions: "hit" };
+const damageOf = ({ truth }) => (truth ? Object.keys(DAMAGE).filter((what) => truth[what]).map((what) => `${truth[what]} ${DAMAGE[what]}`).join(", ") || "none" : "");
+
+// The values of a column, with the number of runs of each; returns the chosen one.
+function offer(id, of) {
+  const { value } = $(`runs-${id}`), counts = [...Map.groupBy(runs, of)].filter(([one]) => one).sort(([a], [b]) => (a < b ? -1 : 1));
+  $(`runs-${id}`).replaceChildren(h("option", { value: "" }, `any ${id}`), ...counts.map(([one, some]) => h("option", { value: one, selected: one === value }, `${one} (${some.length})`)));
+  return $(`runs-${id}`).value;
 }
 
 // Day and time of a run from the beginning of its name; of another name the name itself.
@@ -81,10 +91,10 @@ async function summary(name) {
   for (const span of s.spans) {
     const skill = s.byPath.get(span.path)?.name ?? span.path;
     const sum = skills.get(skill) ?? { starts: 0, time: 0, failures: 0 };
-    sum.starts += 1; sum.time += (span.end ?? s.t) - span.start; sum.failures += span.status === "FAILURE" ? 1 : 0;
+    sum.starts += span.of ?? 1; sum.time += (span.end ?? s.t) - span.start; sum.failures += span.status === "FAILURE" ? 1 : 0;
     skills.set(skill, sum);
   }
-  return { s, skills, entry: runs.find((r) => r.run === name) ?? {} };
+  return { s, skills, entry: runNamed(name) ?? {} };
 }
 
 async function compare() {
@@ -164,32 +174,13 @@ function group(title, fields) {
 const changedFields = () => [...$("start-fields").querySelectorAll("[data-setting]")].filter((input) => input.value !== input.dataset.default);
 const settingsNow = () => Object.fromEntries(changedFields().map((input) => [input.dataset.setting, input.value]));
 
-// A wrong type or a value out of its limits is marked at once; units that are not listed here are left to the server.
-const UNITS = { length: { mm: 1e-3, cm: 1e-2, m: 1 }, time: { ms: 1e-3, s: 1, min: 60 }, force: { N: 1 }, mass: { g: 1e-3, kg: 1 }, ratio: { "%": 1e-2, "": 1 }, int: { "": 1 }, float: { "": 1 } };
-function valueOf(type, text) {
-  const [, number, unit] = String(text).trim().match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\D*)$/i) ?? [];
-  const scale = number === undefined ? undefined : UNITS[type]?.[unit];
-  return scale === undefined ? null : Number(number) * scale;
-}
-
-function plainProblem({ name, type, min, max }, text) {
-  const value = valueOf(type, text);
-  if (type === "int" && !/^\s*[-+]?\d+\s*$/.test(text)) return `${name} is a whole number`;
-  if (type === "bool" && !/^\s*(true|false)\s*$/.test(text)) return `${name} is true or false`;
-  if (value === null) return "";
-  if (min && value < (valueOf(type, min) ?? -Infinity)) return `${name} is at least ${min}, ${text.trim()} is below`;
-  return max && value > (valueOf(type, max) ?? Infinity) ? `${name} is at most ${max}, ${text.trim()} is above` : "";
-}
-
 // While the operator types, the run's process checks all changed settings, as it would at the start.
 let asked = 0, problems = {};
 async function judge() {
   const number = ++asked, settings = settingsNow(), form = { tree: $("start-tree").value, cell: $("start-cell").value, settings };
   for (const details of $("start-fields").querySelectorAll("details")) { const n = changedFields().filter((input) => details.contains(input)).length; details.querySelector(".changes").textContent = n ? `${n} changed` : ""; }
-  const tree = choices.trees.find((c) => c.name === form.tree);
-  const plain = Object.fromEntries((tree?.parameters ?? []).filter((p) => p.name in settings).map((p) => [p.name, plainProblem(p, settings[p.name])]).filter(([, problem]) => problem));
-  mark(plain);
-  if (Object.keys(plain).length || !Object.keys(settings).length || !page.token) return;
+  mark({});
+  if (!Object.keys(settings).length || !page.token) return;
   await new Promise((done) => { setTimeout(done, 300); });
   for (let tries = 0; tries < 3 && number === asked; tries++) {
     const answer = await post("/api/judge", form, 20000);

@@ -19,7 +19,7 @@ function judged(ended) { return ended.filter((run) => run.outcome !== "stopped")
 
 function known(v) { return typeof v === "number" && Number.isFinite(v) ? v : null; }
 
-export function drawStatistics(runs, filter) {
+export function drawStatistics(runs) {
   const panel = $("statistics");
   for (const chart of charts) chart.destroy();
   charts = [];
@@ -34,17 +34,10 @@ export function drawStatistics(runs, filter) {
   ];
   const boxes = CHARTS.map(() => h("div"));
   panel.replaceChildren(
-    h("div", { class: "days", role: "group", "aria-label": "days" }, days(runs).map(([day, count]) => h("button", { class: "quiet", "aria-pressed": filter.value.includes(day), onclick: () => { filter.value = filter.value.includes(day) ? filter.value.replace(day, "").trim() : `${filter.value.replace(/\d{4}-\d\d-\d\d/, "")} ${day}`.trim(); filter.dispatchEvent(new Event("input")); } }, `${day} · ${count}`))),
     h("div", { class: "figures" }, figures.map(([what, value, words]) => h("div", { class: "figure" }, h("span", { class: "muted" }, what), h("b", {}, value), h("span", { class: "muted" }, words)))),
     h("div", { class: "trends" }, CHARTS.map((chart, i) => h("section", {}, h("h3", {}, `${chart.title} [${chart.unit}], by run`), boxes[i]))),
     failures(judged(ended)));
   CHARTS.forEach((chart, i) => charts.push(draw(chart, ended, boxes[i])));
-}
-
-function days(runs) {
-  const count = new Map();
-  for (const run of runs) { const day = /^\d{4}-\d\d-\d\d/.exec(run.run)?.[0]; if (day) count.set(day, (count.get(day) ?? 0) + 1); }
-  return [...count].sort(([a], [b]) => (a < b ? 1 : -1)).slice(0, 14);
 }
 
 function draw(chart, ended, box) {

@@ -10,11 +10,31 @@ const MOTIONS = { // slow motions of the tree `recover`, after a run or by hand
   down: { label: "Put down the held fruit", release: "true", about: "The hand lowers until the fruit stands, at most 150 mm, and opens. Then the arm moves to its home pose at 10 % of its speed." },
   home: { label: "Home, slowly", release: "false", about: "The arm moves to its home pose at 10 % of its speed. The fingers stay as they are." },
 };
-const recover = (form, release) => startRun({ ...form, tree: "recover", settings: { release }, speed: "100 %" });
+const recover = (form, release) => startRun({ ...form, tree: "recover", settings: { ...form.settings, release }, speed: "100 %" });
 const stem = (path) => (path ?? "").split(/[\\/]/).at(-1).replace(/\.ya?ml$/, "");
+
+// Options of the cell among a run's settings: they say which devices move.
+const optionsOf = ({ settings = {}, parameters = {} }) => Object.fromEntries(Object.entries(settings).filter(([name]) => !(name in parameters)));
+const addressesOf = ({ cell_text: text = "", settings = {} }) => [...new Set([...text.matchAll(/^\s+address: *"?([^"\s#]+)/gm)].map(([, at]) => at.replace(/^\{(\w+)\}$/, (all, name) => settings[name] ?? text.match(new RegExp(`^ {2}${name}: *"?([^"\\s#]+)`, "m"))?.[1] ?? all)))].join(", ");
+
+// After a stop: what may be held, what to look at first, and the command that goes on.
+export const heldWords = ({ hand }) => hand || (hand === null ? "not known" : "nothing was felt");
+const silent = (s) => [...s.links].filter(([, { state }]) => state !== "ok").map(([device]) => device).join(", ");
+export const lookFirst = (s) => (silent(s) ? `at the cell: ${silent(s)} reports nothing, so its motion is unknown` : !LASTS.has(s.run.cell_kind) ? "at the failure on this page: the cell begins anew with each run" : s.hand ? "at the hand: what it holds falls when it opens" : "at the arm and its way home");
+export const commandOf = ({ run }, ...more) => ["pomona run", run.tree_path, "--cell", run.cell_path, ...Object.entries(run.settings ?? {}).map(([name, value]) => `--set ${name}=${value}`), ...more].join(" ");
+export const nextCommand = (s) => (LASTS.has(s.run.cell_kind) ? commandOf(s, "--recover") : commandOf(s, `--seed ${s.run.seed}`));
 
 // The form of a start that repeats this run.
 const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), seed: run.seed, settings: run.settings ?? {}, pace: "real", speed: `${Math.round(100 * (run.speed ?? 1))} %` });
+
+// A motion that was asked for and is not confirmed. It is confirmed for the state that was shown: the run and what it holds.
+let asked = null;
+const stateOf = (s) => JSON.stringify([s.run?.run, s.hand]);
+function confirmation(s, mine) {
+  const { label, about, release } = asked.motion, leave = () => { asked = null; page.dirty = true; }, form = { ...again(s.run), settings: optionsOf(s.run), after: s.run.run };
+  return [h("p", { class: "confirm", role: "alert" }, h("b", {}, label), ` on ${s.run.cell}, ${s.run.cell_kind}, at ${addressesOf(s.run) || "no address"}. ${about} `, h("b", {}, "In the hand: "), `${heldWords(s)}.`),
+    h("button", { class: "primary", disabled: !mine, onclick: () => { leave(); recover(form, release); } }, "Move now"), h("button", { onclick: leave }, "Cancel")];
+}
 
 function stepsOf(s) {
   if (!page.recorded && !s.ended && s.state === "paused") return [["▶ Resume", "Go on in place", () => press("resume", "", s.pause)], ["❙▶ Step", "Run one tick", () => press("step", "", s.pause)], ["⟳ Reload file", "Take nodes that have not begun over from the changed tree file", () => press("reload", "", s.pause)]];
@@ -22,7 +42,7 @@ function stepsOf(s) {
   if (!s.ended || s.safeStop || !page.control.starts || isClosed() || !stem(s.run.cell_path)) return [];
   const lasts = LASTS.has(s.run.cell_kind) && !page.recorded && s.run.tree !== "recover";
   return [
-    ...[lasts && s.hand ? MOTIONS.down : null, lasts ? MOTIONS.home : null].filter(Boolean).map(({ label, about, release }) => [label, about, () => recover(again(s.run), release)]),
+    ...[lasts && s.hand ? MOTIONS.down : null, lasts ? MOTIONS.home : null].filter(Boolean).map((motion) => [motion.label, motion.about, () => { asked = { motion, of: stateOf(s) }; page.dirty = true; }]),
     ["↻ Run again", "The same tree, cell, seed and settings", () => startRun(again(s.run))],
   ].filter(Boolean);
 }
@@ -42,10 +62,11 @@ let key = "";
 export function drawSteps(s) {
   const mine = holdsControl(), steps = stepsOf(s), busy = page.control.start && !page.control.start.problem;
   const watches = mine || !s.run; // no control is needed
-  const now = JSON.stringify([steps.map(([label]) => label), watches, busy, s.run?.run, s.pause]);
+  if (asked?.of !== stateOf(s)) asked = null;
+  const now = JSON.stringify([asked, steps.map(([label]) => label), watches, busy, s.run?.run, s.pause]);
   if (now === key) return;
   key = now;
-  $("steps").replaceChildren(...[
+  $("steps").replaceChildren(...asked ? confirmation(s, mine) : [
     steps.length && !watches ? h("button", { class: "primary", onclick: take }, "Take control") : null,
     ...steps.map(([label, title, onclick]) => h("button", { class: s.run ? null : "primary", title: watches ? title : `${title}. Take control first.`, disabled: !watches || busy, onclick }, label)),
   ].filter(Boolean));

@@ -19,8 +19,8 @@ export function emptyState() {
   return {
     t: 0, tick: 0, seq: 0, run: null, changed: 0, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
-    series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], logs: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, halted: false, unrest: "", hand: null, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
+    series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], logs: [], links: new Map(), failures: [], fatal: Infinity, acts: [], ended: null,
+    safeStop: null, halted: false, unrest: "", hand: null, handAt: 0, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
 
@@ -30,8 +30,20 @@ export function apply(s, m) {
   if (typeof m.tick === "number") s.tick = m.tick;
   const handler = HANDLERS[m.event];
   if (handler) handler(s, m);
-  if ((m.seq & 255) === 0) for (const list of [s.spans, s.marks, s.logs, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
+  if ((m.seq & 255) === 0) for (const list of [s.marks, s.logs, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
+  if (s.spans.length > MOST_KEPT) s.spans = [...summary(s.spans.slice(0, MOST_KEPT / 2)), ...s.spans.slice(MOST_KEPT / 2)];
   return s;
+}
+
+// Half as many spans: two after each other of a skill become one, which knows how many it stands for. Ends of runs stay.
+function summary(spans) {
+  const kept = [], first = new Map();
+  for (const span of spans) {
+    const before = first.get(span.path), joins = before && span.end !== null && !span.halted;
+    if (!joins) kept.push(span); else Object.assign(before, { end: span.end, status: before.status === "FAILURE" ? "FAILURE" : span.status, decided: before.decided && span.decided, of: (before.of ?? 1) + (span.of ?? 1) });
+    first.set(span.path, joins || span.end === null || span.halted ? null : span);
+  }
+  return kept;
 }
 
 function setNodes(s, nodes) {
@@ -97,7 +109,7 @@ const HANDLERS = {
   AttemptEnded(s, m) {
     const list = s.attempts.get(m.path) ?? [];
     s.attempts.set(m.path, [...(m.number === 1 ? [] : list), m]);
-    s.marks.push({ t: m.t, kind: m.succeeded ? "good" : "bad", text: `attempt ${m.number} of ${m.of}` });
+    s.marks.push({ t: m.t, kind: m.succeeded ? "good" : "failure", text: `attempt ${m.number} of ${m.of}` });
   },
   Computed(s, m) {
     const node = s.node.get(m.node);
@@ -112,7 +124,7 @@ const HANDLERS = {
     if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t, node: m.node });
     else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t, node: m.node });
     else if (type === "ProgressView") s.progress = m.value;
-    else if (type === "TableView") s.tables.set(m.topic, m.value);
+    else if (type === "TableView") s.tables.set(m.topic, { ...m.value, t: m.t });
     else if (type === "BodiesView") s.bodies.set(m.topic, m.value.bodies);
     else if (type === "PosesView") {
       const trace = s.poses.get(m.topic)?.trace ?? [];
@@ -151,7 +163,7 @@ const HANDLERS = {
     s.links.set(m.device, { state: m.state, t: m.t });
     if (m.state !== "ok") s.marks.push({ t: m.t, kind: "bad", text: `${m.device}: ${m.state}` });
   },
-  HandChanged(s, m) { s.hand = m.what; },
+  HandChanged(s, m) { Object.assign(s, { hand: m.what, handAt: m.t }); },
   OperatorActed(s, m) {
     s.acts.push(m);
     if (STOPS.has(m.action)) halt(s, m.tick);
@@ -177,14 +189,14 @@ const HANDLERS = {
     s.marks.push({ t: m.t, kind: "bad", text: `${m.error}: ${m.message}${m.place ? ` (${m.place})` : ""}` });
   },
   RunEnded(s, m) {
-    s.ended = m;
+    Object.assign(s, { ended: m, fatal: m.outcome === "failure" || m.outcome === "error" ? s.failures.at(-1)?.t ?? 0 : s.fatal });
     for (const span of s.spans) if (span.end === null) span.end = m.t;
   },
 };
 
 // A failure in the tick of the stop is due to it: the devices had refused already.
 function halt(s, tick) {
-  s.halted = true;
+  Object.assign(s, { halted: true, fatal: Math.min(s.fatal, s.t) });
   for (const node of s.node.values()) if (node.status === "FAILURE" && node.tick === tick && node.history.length) node.history.at(-1).halted = true;
 }
 
@@ -232,9 +244,12 @@ export function lastResult(node) {
   return node?.status === "INVALID" ? node.history.findLast((e) => e.status !== "RUNNING" && e.status !== "INVALID") ?? null : null;
 }
 
+// A failure before the one with which the run ended was part of the plan: the tree went on.
+export const expected = (s, t) => t < s.fatal - 1e-9;
+
 // Display of a node: its state, or while idle its last result, dimmed. An interruption by a stop is not dimmed.
-export function standing(node) {
+export function standing(node, s) {
   const last = lastResult(node), shown = STATUS[last?.status ?? node?.status ?? "INVALID"];
   const past = Boolean(last) && !last.halted;
-  return { ...shown, rank: past ? "past" : shown.rank, words: past ? `idle, last result ${shown.word}` : shown.word };
+  return { ...shown, rank: past ? "past" : node?.status === "FAILURE" && expected(s, node.since) ? "warn" : shown.rank, words: past ? `idle, last result ${shown.word}` : shown.word };
 }

@@ -1,6 +1,7 @@
 // A lane per skill, marks of events, and a cursor that scrubs; the wheel zooms.
 import { $, put, seconds } from "./dom.js";
 import { page } from "./page.js";
+import { expected } from "./store.js";
 
 const MOST_LANES = 60;
 const INSTANT = 0.001; // seconds below which a skill takes no lane of its own
@@ -18,7 +19,7 @@ function lanesOf(s) {
   for (const span of s.spans) {
     const of = about.get(span.path) ?? { path: span.path, name: s.byPath.get(span.path)?.name ?? span.path, time: 0, first: span.start, rank: "", since: -1 };
     of.time += (span.end ?? s.t) - span.start;
-    if (span.end === null || span.halted || failed(span)) Object.assign(of, { since: span.end ?? Infinity, rank: span.end === null ? "busy" : "bad" });
+    if (span.end === null || span.halted || failed(span)) Object.assign(of, { since: span.end ?? Infinity, rank: span.end === null ? "busy" : !span.halted && expected(s, span.end) ? "warn" : "bad" });
     about.set(span.path, of);
   }
   const all = [...about.values()].sort((a, b) => b.since - a.since || a.first - b.first);
@@ -161,9 +162,11 @@ export class Timeline {
       const i = lane.get(span.path);
       const end = span.end ?? whole.t;
       if (i === undefined || i < first || i >= first + room || end < from || span.start > to) continue; // no part of a lane
-      g.fillStyle = colour(span.halted ? "--bad" : span.decided ? "--muted" : RANK[span.status] ?? "--muted");
+      g.fillStyle = colour(span.halted ? "--bad" : span.decided ? "--muted" : failed(span) && expected(whole, end) ? "--warn" : RANK[span.status] ?? "--muted");
+      g.globalAlpha = span.of ? 0.5 : 1; // stands for several
       const wide = Math.max(2.5, x(end) - x(span.start));
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
+      g.globalAlpha = 1;
       if (span.halted) g.fillRect(x(end) - 3, laneTop(i), 6, LANE);
       if (failed(span) && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
     }
@@ -175,7 +178,7 @@ export class Timeline {
     }
     for (const mark of whole.marks) {
       if (mark.t < from || mark.t > to) continue;
-      g.fillStyle = colour(MARK[mark.kind] ?? "--muted");
+      g.fillStyle = colour(mark.kind === "failure" && expected(whole, mark.t) ? "--warn" : MARK[mark.kind] ?? "--muted");
       SHAPE[mark.kind]?.(g, x(mark.t), 21);
     }
     g.restore();

@@ -1,6 +1,5 @@
 // The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
 import { $, h, percent, put, seconds } from "./dom.js";
-import { page } from "./page.js";
 import { leavesOf, resolved, standing } from "./store.js";
 
 export class TreeView {
@@ -13,14 +12,10 @@ export class TreeView {
     this.onSelect = onSelect;
     this.onBreak = onBreak;
     this.shown = null;
-    this.scale = 1;
     this.running = null;
     $("search").addEventListener("input", () => this.filter());
     $("expand").addEventListener("click", () => { this.closed.clear(); for (const path of this.rows.keys()) this.opened.add(path); this.filter(); });
     $("collapse").addEventListener("click", () => this.collapseDone());
-    $("smaller").addEventListener("click", () => this.zoom(this.scale / 1.15));
-    $("larger").addEventListener("click", () => this.zoom(this.scale * 1.15));
-    $("fit").addEventListener("click", () => this.fit());
     this.root.addEventListener("keydown", (event) => this.key(event));
     new ResizeObserver(() => this.show(this.selected ?? ($("follow").checked ? this.running : null))).observe(this.root);
   }
@@ -65,7 +60,7 @@ export class TreeView {
     for (const [path, row] of this.rows) {
       const node = state.node.get(path);
       const status = node?.status ?? "INVALID";
-      const { icon, rank, words } = standing(node);
+      const { icon, rank, words } = standing(node, state);
       const fresh = node && node.tick === state.tick && status !== "INVALID";
       const leaf = state.byPath.get(path).leaf;
       if (status === "RUNNING" && leaf) running = path;
@@ -73,7 +68,7 @@ export class TreeView {
       const paths = [path, ...row.chips.map((of) => of.node.path)];
       const stops = ["before", "after"].filter((side) => paths.some((of) => state.breaks[side].has(of))).join(", ");
       const chosen = paths.includes(this.selected);
-      const chips = row.chips.map(({ node: of }) => [chipText(of, state), standing(state.node.get(of.path)).rank, this.selected === of.path]);
+      const chips = row.chips.map(({ node: of }) => [chipText(of, state), standing(state.node.get(of.path), state).rank, this.selected === of.path]);
       const signature = `${status}|${icon}|${rank}|${fresh}|${node?.feedback}|${age}|${stops}|${chosen}|${row.hidden}|${chips}|${row.spares}`;
       if (signature === row.last) continue;
       row.last = signature;
@@ -123,8 +118,6 @@ export class TreeView {
     requestAnimationFrame(() => this.show(path)); // now hidden rows have their real height
   }
 
-  get paths() { return [...this.rows.keys()]; }
-
   open(path) {
     for (let row = this.rowOf(path); row; row = this.rows.get(row.parent)) { this.closed.delete(row.parent); if (row.spare) this.opened.add(row.parent); }
     this.filter();
@@ -145,17 +138,6 @@ export class TreeView {
 
   jumpToRunning() {
     if (this.running) this.open(this.running);
-  }
-
-  zoom(scale) {
-    this.scale = Math.max(0.5, Math.min(1.8, scale));
-    this.root.style.setProperty("--scale", this.scale);
-    page.dirty = true;
-  }
-
-  fit() {
-    const visible = [...this.rows.values()].filter((row) => !row.hidden).length;
-    this.zoom(this.root.clientHeight / Math.max(1, visible * 25.5));
   }
 
   select(path) {

@@ -1,13 +1,6 @@
 // Panels of one module each, below the curves. `panels/NAME.js` exports `title`, `draw(box, state)` and, where it has a style
 // of its own, `style = true` for `panels/NAME.css`. `draw` fills the box and returns whether there is something to show.
-// The state is that of the shown moment; times are in seconds of the run:
-//   t, state, speed, run: { run, tree, cell, … }, ended: null or { outcome, t, … }, progress: { what, number, of }
-//   nodes: [{ path, parent, name, kind, type }], node: path → { status, since, feedback, reason: { code, message, data }, history: [{ t, status, reason }] }
-//   ports: "path/name" → { value, writer, t, sentence }, tables: topic → { columns, rows, caption }, images and scenes: topic → { t, node, … }
-//   series: topic → { t: [], values: name → [] }, poses: topic → { t, poses, trace }, bodies: topic → values
-//   spans: [{ path, start, end, status }], marks: [{ t, kind, text }], logs: [{ t, path, text, level }], failures: [{ t, path, reason, next }]
-//   links: device → { state, t }, acts: [operator's], safeStop: its reason or null, hand, attempts: path → [{ number, … }]: see store.js
-// A panel is drawn at each change of the page, so it compares a key before it builds. One word in PANELS adds one.
+// A panel is drawn at each change of the page, so it compares a key before it builds (README.md lists the data). One word in PANELS adds one.
 import { $, h } from "../dom.js";
 import * as tables from "./tables.js";
 
