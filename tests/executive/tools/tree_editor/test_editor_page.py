@@ -81,6 +81,10 @@ root:
     keys.press("Escape")
     choose(page, "i", "ask")
     expect(item(page, "root/1")).to_have_attribute("aria-selected", "true")
+    expect(page.locator("#problems")).to_contain_text("1 error")  # no question stands there yet
+    keys.press("Enter")
+    keys.type("Is it held?")
+    keys.press("Enter")
     expect(page.locator("#problems")).not_to_contain_text("error")
     keys.press("Control+s")
     expect(page.locator("#saved")).to_have_text("saved")
@@ -96,7 +100,7 @@ root:
         - Detect: {fruit: apple, detection: "{detection}"}
         - Refine: {detection: "{detection}", measured: "{measured}"}
       retry: 3
-    - ask: text
+    - ask: Is it held?
 """
     )
 
@@ -225,6 +229,52 @@ def test_every_edit_of_the_menu_is_undone_to_the_same_bytes(
         page.locator("#tree").focus()
         page.keyboard.press("Control+z")
         expect(area(page)).to_have_value(SMALL)
+
+
+def test_nodes_are_copied_cut_and_pasted_with_keys_and_undone_to_the_same_bytes(
+    editor: TreeEditor, open_page: Open
+) -> None:
+    page = open_page(editor, permissions=["clipboard-read", "clipboard-write"])
+    keys = page.keyboard
+    item(page, "root/1").locator(".box").click()
+    page.locator("#tree").focus()
+    keys.press("Control+c")
+    keys.press("Control+v")
+    expect(page.get_by_role("treeitem")).to_have_count(5)
+    expect(item(page, "root/2")).to_have_attribute("aria-selected", "true")
+    pasted = area(page).input_value()
+    expect(page.locator("#problems")).not_to_contain_text("error")
+    keys.press("Control+x")
+    expect(area(page)).to_have_value(SMALL)
+    keys.press("ArrowUp")
+    keys.press("Control+v")
+    expect(page.get_by_role("treeitem")).to_have_count(5)
+    for _ in range(2):
+        keys.press("Control+z")
+    expect(area(page)).to_have_value(pasted)
+    keys.press("Control+z")
+    expect(area(page)).to_have_value(SMALL)
+
+
+def test_a_copy_with_a_name_gets_another_name_and_a_text_from_elsewhere_is_a_node(
+    editor: TreeEditor, open_page: Open
+) -> None:
+    page = open_page(editor)
+    paste = """(text) => { const data = new DataTransfer(); data.setData("text/plain", text);
+        document.dispatchEvent(new ClipboardEvent("paste", { clipboardData: data, cancelable: true })); }"""
+    item(page, "root/0").locator(".box").click()
+    page.locator("#tree").focus()
+    for number in (2, 3):
+        page.evaluate(paste, "# a pause\nsequence:\n  - wait: 2 s\n    name: Pause")
+        expect(page.locator("#tree [aria-selected=true]")).to_have_attribute(
+            "data-id", f"root/{number - 1}"
+        )
+    text = area(page).input_value()
+    assert (text.count("name: Pause\n"), text.count("name: Pause 2\n")) == (1, 1)
+    assert text.count("# a pause") == 2
+    page.evaluate(paste, "wait: [")
+    expect(page.locator("#said")).to_contain_text("no YAML")
+    assert area(page).input_value() == text
 
 
 def test_the_context_menu_edits_the_node_under_the_pointer(

@@ -4,7 +4,7 @@ import { Drawing } from "./drawing.js";
 import { History, stretch } from "./history.js";
 import { showKeys } from "./keys.js";
 import { openMenu } from "./menu.js";
-import { about, children, holdsNodes, labelOf, node, page, siblings, take } from "./model.js";
+import { about, bare, children, holdsNodes, labelOf, node, page, siblings, take, yaml } from "./model.js";
 import { NodePane } from "./node.js";
 import { choose } from "./palette.js";
 import { askRun } from "./run.js";
@@ -152,26 +152,48 @@ async function snippet(name) {
     return `${name}: {${[...wired, ...kind.outputs.map((port) => `${port.name}: "{${port.name}}"`)].filter(Boolean).join(", ")}}`;
   }
   const fields = kind.fields.filter(({ required }) => required).map((field) => `${field.name}:${field.nodes ? field.type === "nodes by word" ? "\n  first:\n    succeed: {}" : "\n  succeed: {}" : ` ${first(field)}`}`);
-  return [`${name}: ${first(kind.value)}`, ...fields].join("\n");
+  return [`${name}: ${first(kind.value)}`.trim(), ...fields].join("\n");
 }
 
 function first({ type, choices, units, default: given }) {
-  const known = { nodes: "[]", nothing: "{}", condition: '"true"', "nodes by word": "{}", assignments: "{done: true}", int: "1", number: "1", bool: "true", name: "value", list: "[1]", "list of texts": "[yes, no]", text: "text" };
-  return given || (choices ? choices[0] : units ? `1 ${units[0]}` : known[type] ?? "text");
+  const known = { nodes: "[]", nothing: "{}", condition: '"true"', "nodes by word": "{}", assignments: "{done: true}", int: "1", number: "1", bool: "true", name: "value", list: "[1]", "list of texts": "[yes, no]", text: "" };
+  return given || (choices ? choices[0] : units ? `1 ${units[0]}` : known[type] ?? ""); // a text is a person's: `check` refuses an empty one
+}
+
+// Where a new node goes: the first one, inside the selected node, or after it. Null after the reason was shown.
+function gap(inside) {
+  const one = node(), root = !page.state.nodes.length;
+  if (!editable()) return null;
+  if (root) return { into: "", index: 0, id: "root", where: "the first node" };
+  inside = inside || (one && !one.parent && holdsNodes(one.type));
+  const wrong = !one ? "Select a node first." : inside && !holdsNodes(one.type) ? `${one.type} has no list of children: insert after it, or wrap it first.` : !inside && !listed(one) ? "Only one node has its place here: wrap it in a sequence first (w)." : "";
+  if (wrong) { say(wrong); return null; }
+  const into = inside ? one.id : one.parent, index = inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
+  return { into, index, id: `${into}/${index}`, where: `${inside ? "into" : "after"} ${labelOf(one)}` };
 }
 
 async function insert(inside) {
-  const one = node(), root = !page.state.nodes.length;
-  if (!editable()) return;
-  if (!root && !one) { say("Select a node first."); return; }
-  inside = inside || (one && !one.parent && holdsNodes(one.type));
-  if (!root && inside && !holdsNodes(one.type)) { say(`${one.type} has no list of children: insert after it, or wrap it first.`); return; }
-  if (!root && !inside && !listed(one)) { say("Only one node has its place here: wrap it in a sequence first (w)."); return; }
-  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, root ? ["composite", "skill", "subtree", "leaf"] : ["skill", "subtree", "composite", "leaf"], carry);
+  const at = gap(inside);
+  if (!at) return;
+  const name = await choose(`Insert ${at.where}`, at.into ? ["skill", "subtree", "composite", "leaf"] : ["composite", "skill", "subtree", "leaf"], carry);
   drawing.root.focus();
-  if (!name) return;
-  const into = root ? "" : inside ? one.id : one.parent, index = root ? 0 : inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
-  await edit({ do: "insert", into, index, node: await snippet(name) }, `insert ${name}`, root ? "root" : `${into}/${index}`);
+  if (name) await edit({ do: "insert", into: at.into, index: at.index, node: await snippet(name) }, `insert ${name}`, at.id);
+}
+
+// Copy, cut and paste: a node is YAML, so it goes into another tree, and a text from elsewhere into this one.
+let copied = "";
+function copy(cut) {
+  const one = node();
+  if (!one) return;
+  const lines = page.text.split("\n").slice(one.line - 1, one.end_line).map((line, i) => (i ? line.replace(new RegExp(`^ {0,${one.column - 1}}`), "") : line.slice(one.column - 1)));
+  copied = [...(one.comment ? [`# ${one.comment}`] : []), ...lines].join("\n");
+  if (cut) ACTIONS.remove.run(); else say(`Copied: ${labelOf(one)}`);
+}
+
+async function paste(words = copied) {
+  const at = words.trim() && gap(false), taken = new Set(page.state.nodes.map(({ name }) => name));
+  const fresh = (name) => { let n = 2; while (taken.has(`${name} ${n}`)) n += 1; return taken.has(name) ? `${name} ${n}` : name; };
+  if (at) await edit({ do: "insert", into: at.into, index: at.index, node: words.replace(/^(\s*name: +)(.+?)\s*$/gm, (line, key, name) => (taken.has(bare(name)) ? key + yaml(fresh(bare(name))) : line)) }, "paste", at.id);
 }
 
 // Words beside a node that hold a node and have none: else, default, on_failure.
@@ -274,6 +296,9 @@ const ACTIONS = {
   rename: { words: "Rename …", key: "F2", run: rename },
   comment: { words: "Comment …", key: "c", run: comment },
   duplicate: { words: "Duplicate", key: "d", run: simple("duplicate", "duplicate", (one) => `${one.parent}/${one.index + 1}`), fits: listed },
+  copy: { words: "Copy", key: "Ctrl+C", run: () => copy(false) },
+  cut: { words: "Cut", key: "Ctrl+X", run: () => copy(true) },
+  paste: { words: "Paste after", key: "Ctrl+V", run: () => paste(), line: true },
   up: { words: "Move up", key: "Alt+↑", run: () => move(-1), fits: listed },
   down: { words: "Move down", key: "Alt+↓", run: () => move(1), fits: listed },
   out: { words: "Move out of its parent", key: "Alt+←", run: moveOut, fits: listed },
@@ -307,6 +332,11 @@ $("ask-cancel").addEventListener("click", () => $("ask").close());
 
 const KEYS = { i: "insert", Insert: "insert", a: "inside", o: "place", w: "wrap", m: "modifier", u: "unwrap", F2: "rename", c: "comment", d: "duplicate", Delete: "remove", Backspace: "remove" };
 
+for (const kind of ["copy", "cut", "paste"]) document.addEventListener(kind, (event) => {
+  if (!drawing.root.contains(document.activeElement)) return;
+  if (kind === "paste") paste(event.clipboardData.getData("text/plain")); else { copy(kind === "cut"); event.clipboardData.setData("text/plain", copied); }
+  event.preventDefault();
+});
 drawing.root.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) return;
   const one = node(), { key } = event;
