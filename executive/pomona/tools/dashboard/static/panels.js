@@ -102,7 +102,7 @@ function endedWords(s, latest) {
   const [rank, word] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome], state = s.ended.reason?.code === "UNVERIFIED" ? "◐ Not verified" : word;
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
-  const hand = failed ? h("p", {}, h("b", {}, "In the hand: "), heldWords(s), h("span", { class: "muted hand-age" }), ". ", h("b", {}, "Look first "), lookFirst(s), ". ", h("b", {}, "Go on: "), h("kbd", {}, nextCommand(s))) : null;
+  const hand = failed ? h("p", {}, h("b", {}, "In the hand: "), heldWords(s), s.hand === null ? null : h("span", { class: "muted hand-age" }), ". ", h("b", {}, "Look first "), lookFirst(s), ". ", h("b", {}, "Go on: "), h("kbd", {}, nextCommand(s))) : null;
   const done = s.tables.get("tally")?.caption ?? "", failures = failed ? s.failures : onTheWay(s), count = failures.length;
   const achieved = done ? `: ${done}` : "";
   if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), achieved, failed ? "." : ` after ${seconds(s.ended.t)}; nothing failed on the way.`), hand];

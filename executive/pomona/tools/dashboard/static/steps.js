@@ -68,6 +68,6 @@ export function drawSteps(s) {
   key = now;
   $("steps").replaceChildren(...asked ? confirmation(s, mine) : [
     steps.length && !watches ? h("button", { class: "primary", onclick: take }, "Take control") : null,
-    ...steps.map(([label, title, onclick]) => h("button", { class: s.run ? null : "primary", title: watches ? title : `${title}. Take control first.`, disabled: !watches || busy, onclick }, label)),
+    ...steps.map(([label, title, onclick], i) => h("button", { class: i || !watches ? null : "primary", title: watches ? title : `${title}. Take control first.`, disabled: !watches || busy, onclick }, label)),
   ].filter(Boolean));
 }
