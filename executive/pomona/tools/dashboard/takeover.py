@@ -49,7 +49,10 @@ class FileTakeover:
         self.difference = difference(running, self.fresh)
         if not self.difference:
             raise ReloadRefusedError("the tree file has not changed")
-        for skill in MergedTree(running, self.fresh, held).skills:
+        merged = MergedTree(running, self.fresh, held)
+        if merged.dropped:
+            self.difference += f"\n\\ an operator's change is dropped: {', '.join(merged.dropped)}"
+        for skill in merged.skills:
             try:
                 skill.prepare()
             except Exception as error:  # weights that do not load: the run stays as it is
@@ -97,6 +100,11 @@ class MergedTree:
         self._was, self._now = (
             {info.path: info for info in tree.nodes} for tree in (running, fresh)
         )
+        self._changes = {
+            path: dict(skill.changed)
+            for path, skill in running.behaviours.items()
+            if isinstance(skill, Skill) and skill.changed
+        }
         self._names = _changed_names(running, fresh)
         self._children: list[tuple[Behaviour, list[Behaviour]]] = []
         self._rewired: list[tuple[Skill, Skill]] = []
@@ -117,6 +125,26 @@ class MergedTree:
         )
         return (*(b for b in new if isinstance(b, Skill)), *(skill for _, skill in self._rewired))
 
+    @property
+    def dropped(self) -> list[str]:
+        """Inputs that an operator has changed and the file changes, too, or has no longer."""
+        return [
+            f"{path.rpartition('/')[2]}.{port}"
+            for path, changed in self._changes.items()
+            for port in changed.keys() - self._kept(path).keys()
+        ]
+
+    def _kept(self, path: str) -> Mapping[str, object]:
+        """Return what an operator has changed of a skill that is the same in the file, by port."""
+        was = self._was[path]
+        now = self._now.get(path)
+        same = now is not None and now.type == was.type
+        return {
+            port: value
+            for port, value in self._changes[path].items()
+            if same and now is not None and now.inputs.get(port) == was.inputs.get(port)
+        }
+
     def apply(self) -> BuiltTree:
         """Put the nodes of the file into the run's tree, and return that."""
         old = self._running
@@ -133,6 +161,8 @@ class MergedTree:
             before = old.behaviours.get(path)
             if isinstance(behaviour, (Skill, Question)) and isinstance(before, (Skill, Question)):
                 behaviour.starts = before.starts
+            if isinstance(behaviour, Skill) and path in self._changes:
+                behaviour.changed.update(self._kept(path))
         kept = {
             key: value
             for key, value in old.around.items()

@@ -347,6 +347,40 @@ def test_nodes_that_have_not_begun_are_those_of_the_changed_file(old, new, ran):
     assert run.starts("turn/First") == 1
 
 
+class ChangedThenReloaded(Reloaded):
+    """Before the reload the operator has changed the duration of Third."""
+
+    changed = False
+
+    def look(self, runner, cell):
+        if runner.state is RunState.PAUSED and not self.changed:
+            self.changed = True
+            runner.change("turn/part/Third", "duration", "400 ms", "ada")
+        else:
+            super().look(runner, cell)
+
+
+THIRD = '      Turn: {duration: 100 ms, turned: "{a}"}\n      name: Third'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "dropped"),
+    [
+        ("    - part: {}", "    - part: {}\n      timeout: 9 s", "turn/part/Third", ""),
+        (THIRD, THIRD.replace("100 ms", "200 ms"), "turn/part/Third", "Third.duration"),
+        (THIRD, THIRD.replace("name: Third", "name: Other"), "turn/part/Other", "Third.duration"),
+    ],
+)
+def test_a_reload_keeps_what_the_operator_has_changed_or_names_what_it_drops(
+    old, new, path, dropped
+):
+    run = ChangedThenReloaded(changed(old, new))
+    assert (run.refused, run.outcome) == (None, "success")
+    assert (run.ticks(path) >= 19) == (not dropped)
+    (detail,) = (detail for _, action, detail in run.acts if action == "reload")
+    assert detail.endswith(f"dropped: {dropped}") if dropped else "dropped" not in detail
+
+
 def test_a_parameter_may_change_unless_a_node_that_has_begun_uses_it():
     once = changed('      retry: "{tries}"', '      retry: "{tries}"\n      delay: "{long}"')
     run = Reloaded(once.replace("default: 1 s", "default: 300 ms"))
