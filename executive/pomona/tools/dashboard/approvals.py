@@ -6,6 +6,7 @@ import difflib
 import hashlib
 import json
 import os
+import re
 import shlex
 import shutil
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,8 @@ from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.output import json_text
 from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings
+from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.plain_text import is_file
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
 REQUEST = "request.json"
@@ -147,6 +150,18 @@ def _texts(tree: Path, cell: Path) -> dict[str, str]:
     return found | {f"cell/{path}": text for path, text in texts.items()}
 
 
+def _hashes(tree: Path, cell: Path, texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the hashes of all files that these texts name, and of the fruits' meshes and weights, by their paths."""
+    words = {word for text in texts.values() for word in re.findall(r"[\w./-]+\.\w+", text)}
+    named = {folder / word for folder in (tree.parent, cell.parent) for word in words}
+    paths = named.union((installed_trees() / "fruits").rglob("*"))
+    return {
+        str(path): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(paths)
+        if is_file(path)
+    }
+
+
 def _copy(document: Document, path: Path, place: Path) -> Path:
     """Copy a tree and the files beside or below it that it calls; return the copied tree."""
     base = path.parent.resolve()
@@ -170,12 +185,14 @@ def read_request(place: Path) -> RunRequest:
         about = json.loads(read_text(place / REQUEST))
         settings = {str(key): str(value) for key, value in about["settings"].items()}
         tree = (place / about["tree"]).resolve()
+        cell = Path(about["cell"])
         if not tree.is_relative_to(place.resolve()):
             raise UsageError(f"{place}: no request: its tree lies outside")
+        texts = _texts(tree, cell)
         return RunRequest(
-            place.name, tree, Path(about["cell"]), int(about["seed"]), settings, str(about["reason"]),
+            place.name, tree, cell, int(about["seed"]), settings, str(about["reason"]),
             str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
-            _version(place, _texts(tree, Path(about["cell"]))),
+            _version(place, texts | _hashes(tree, cell, texts)),
         )  # fmt: skip
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{place}: no request: {error}") from None

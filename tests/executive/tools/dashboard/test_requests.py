@@ -78,6 +78,18 @@ def test_a_request_that_is_not_the_one_on_the_page_is_not_started(records: Path)
             starts._order({**form, "request": name})
 
 
+def test_a_request_whose_weights_have_changed_is_not_started(records: Path) -> None:
+    (records / "trees" / "bench.yaml").write_text(f"{CELL}# eyes: bench.weights\n")
+    weights = records / "trees" / "bench.weights"
+    weights.write_bytes(b"\x00one")
+    (shown,) = request_facts(records)
+    form = {"request": "0001_look", "version": shown["version"]}
+    assert launcher(records)._order(form)
+    weights.write_bytes(b"\x00two")
+    with pytest.raises(UsageError, match="has changed: read it again"):
+        launcher(records)._order(form)
+
+
 def test_a_damaged_request_is_shown_with_its_problem_and_not_started(records: Path) -> None:
     starts = launcher(records)
     about = records / "approvals" / "0001_look" / "request.json"
