@@ -984,6 +984,14 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(
         ["Put down the held fruit", "Home, slowly"]
     )
     expect(page.locator("#by-hand-motions button").first).to_be_enabled()
+    page.get_by_text("Options of the cell").click()
+    page.locator("[data-setting=arm]").fill("lab:53200")
+    page.locator(
+        "#by-hand-motions button"
+    ).last.click()  # shows what would move, and starts nothing
+    expect(page.locator("#by-hand-motions button").last).to_contain_text(
+        re.compile("Look at the hand, then: Home, slowly on emulated, .*arm lab:53200")
+    )
 
 
 def test_modifiers_are_chips_and_skipped_branches_are_folded(show: Show, open_page: Open) -> None:

@@ -98,5 +98,5 @@ def test_a_value_that_is_a_second_old_is_grey_with_its_age(
     page.wait_for_selector(".keys b:not(.old)")
     page.wait_for_function("() => document.querySelectorAll('.keys b.old').length === 2")
     ages = page.locator(".plot .age").all_text_contents()
-    assert all(re.fullmatch(r"1\.\d s ago", age) for age in ages), ages
+    assert all(re.fullmatch(r"\d+\.\d s ago", age) for age in ages), ages
     GATE.set()

@@ -79,7 +79,6 @@ export function drawWhy(s) {
 
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
 
-// While a record is read: the reason that the list has of it.
 const listedWords = (r) => (r?.code ? [h("div", { class: "verdict" }, h("b", {}, r.outcome), ": ", h("code", {}, r.code), ` ${r.message}.`), h("p", { class: "muted" }, "From the list of runs; the record itself is being read.")] : []);
 
 function goingWords(s, doing, latest) {

@@ -188,8 +188,7 @@ export class PlotsView {
     const index = plot.cursor.idx ?? (this.at === null ? last : lowerBound(plot.data[0], this.at + 1e-6) - 1);
     const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return [plot.data[column][i], this.now - plot.data[0][i]]; }; // at times of the other run
     const ages = values.map((element, i) => { const over = both.indexOf(names[i]), [value, age] = known(i + 1); put(element, (this.over && plot.cursor.idx === null ? "–" : figure(value)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over)[0])}`)); return age; });
-    const oldest = Math.max(...ages), old = plot.cursor.idx === null && oldest > OLD;
-    put(chart.age, old ? `${seconds(oldest)} ago` : "");
+    const oldest = Math.max(...ages), old = plot.cursor.idx === null && oldest > OLD; put(chart.age, old ? `${seconds(oldest)} ago` : "");
     for (const element of values) element.className = old || !this.alive ? "old" : "";
   }
 

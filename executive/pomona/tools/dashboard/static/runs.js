@@ -14,7 +14,7 @@ let unread = "Reading trees and cells …"; // why there are no choices yet
 let starting = false;
 const chosen = new Set();
 const HEADS = { look: "look", tree: "tree-name", cell: "cell-name", seed: "seed", settings: "settings", took: "took", fruit: "fruit", damage: "damage", record: "record" }; // classes of columns that narrow lists leave out
-const RESULT = { success: "good", partial: "warn" };
+const RESULT = { success: "good", partial: "warn" }, DAMAGE = { bruised: "bruised", drops: "dropped", lost: "lost", collisions: "hit" };
 const FILTERS = { result: (r) => r.outcome ?? r.state, tree: (r) => r.tree, cell: (r) => r.cell };
 
 export const runNamed = (name) => runs.find((r) => r.run === name);
@@ -62,7 +62,6 @@ function drawRuns() {
 }
 
 // What the simulated world counts of a run: its damage in words.
-const DAMAGE = { bruised: "bruised", drops: "dropped", lost: "lost", collisions: "hit" };
 const damageOf = ({ truth }) => (truth ? Object.keys(DAMAGE).filter((what) => truth[what]).map((what) => `${truth[what]} ${DAMAGE[what]}`).join(", ") || "none" : "");
 
 // The values of a column, with the number of runs of each; returns the chosen one.
@@ -234,5 +233,5 @@ export function drawStart() {
   $("start-hint").textContent = why;
   const cell = choices.cells.find((c) => c.name === $("start-cell").value);
   $("by-hand").hidden = !choices.trees.some((c) => c.name === "recover");
-  drawByHand(cell, () => ({ cell: cell.name, seed: 0, pace: "real" }), starting ? "starting" : blocked);
+  drawByHand(cell, () => ({ cell: cell.name, seed: 0, pace: "real", settings: Object.fromEntries(Object.entries(settingsNow()).filter(([name]) => cell.options.some((option) => option.name === name))) }), starting ? "starting" : blocked);
 }

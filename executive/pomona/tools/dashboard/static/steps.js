@@ -49,13 +49,17 @@ function stepsOf(s) {
 
 // The same motions in the form of a new run, for the cell that is chosen there. `why`: why no run can start now.
 let handKey = "";
+function sure(button, label, cell, form, release) { // the first click shows what moves
+  const words = `Look at the hand, then: ${label} on ${cell.name}, ${cell.options.map(({ name, default: usual }) => `${name} ${form.settings[name] ?? usual}`).join(", ")}`;
+  if (button.textContent === words) { button.textContent = label; recover(form, release); } else button.textContent = words;
+}
 export function drawByHand(cell, form, why) {
   const key = JSON.stringify([cell?.name, cell?.kind, why]);
   if (key === handKey) return;
   handKey = key;
   const lasts = LASTS.has(cell?.kind);
   $("by-hand-about").textContent = lasts ? `Slow motions on ${cell.name}. Each is a short run with its own record; SAFE STOP ends it. Single joints are moved with the robot's teach pendant.` : `A ${cell?.kind ?? "simulated"} cell begins anew with each run: there is nothing to move by hand.`;
-  $("by-hand-motions").replaceChildren(...(lasts ? Object.values(MOTIONS) : []).map(({ label, about, release }) => h("div", {}, h("dt", {}, h("button", { type: "button", disabled: Boolean(why), onclick: () => recover(form(), release) }, label)), h("dd", {}, about))));
+  $("by-hand-motions").replaceChildren(...(lasts ? Object.values(MOTIONS) : []).map(({ label, about, release }) => h("div", {}, h("dt", {}, h("button", { type: "button", disabled: Boolean(why), onclick: ({ currentTarget }) => sure(currentTarget, label, cell, form(), release) }, label)), h("dd", {}, about))));
 }
 
 let key = "";

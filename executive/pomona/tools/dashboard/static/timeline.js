@@ -163,13 +163,13 @@ export class Timeline {
       const end = span.end ?? whole.t;
       if (i === undefined || i < first || i >= first + room || end < from || span.start > to) continue; // no part of a lane
       g.fillStyle = colour(span.halted ? "--bad" : span.decided ? "--muted" : failed(span) && expected(whole, end) ? "--warn" : RANK[span.status] ?? "--muted");
-      g.globalAlpha = span.of ? 0.5 : 1; // stands for several
       const wide = Math.max(2.5, x(end) - x(span.start));
+      g.globalAlpha = span.of ? 0.5 : 1; // it stands for several
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
-      g.globalAlpha = 1;
       if (span.halted) g.fillRect(x(end) - 3, laneTop(i), 6, LANE);
       if (failed(span) && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
     }
+    g.globalAlpha = 1;
     for (const span of page.over?.whole.spans ?? []) { // the second run's, thin, below those of the same name
       const i = lane.get(span.path), end = span.end ?? page.over.whole.t;
       if (i === undefined || i < first || i >= first + room || end < from || span.start > to) continue; // no part of a lane
