@@ -192,7 +192,7 @@ def test_a_skill_that_the_stop_refuses_stays_red(show: Show, open_page: Open) ->
     expect(row(page, "Lift")).to_have_class(re.compile(r"\bbad\b"))
     expect(row(page, "Feel")).to_have_class(re.compile(r"\bpast\b"))
     expect(page.locator("#why")).to_have_text(
-        re.compile(r"^■ Stopped: SAFE_STOP safe stop by ada\.$")
+        re.compile(r"^■ Stopped: SAFE_STOP safe stop by ada\.In the hand: not known\. Look first ")
     )
 
 
@@ -272,7 +272,7 @@ def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -
         )
     )
     expect(page.locator("#why kbd")).to_contain_text(
-        ["--set arm=lab:53200 --set kind=pear --recover"]
+        ["--set arm=lab:53200 --set 'kind=a pear' --recover"]
     )
     steps = page.locator("#steps button")
     expect(steps).to_have_text(["Put down the held fruit", "Home, slowly", "↻ Run again"])
@@ -293,7 +293,7 @@ def test_after_a_reset_the_next_steps_are_buttons(show: Show, open_page: Open) -
 LASTING = """async (hand) => { // a cell that lasts, and what is felt in its hand
     const { page } = await import("/static/page.js"), { whole } = page.live;
     Object.assign(whole.run, { cell_kind: "emulated", parameters: { kind: "apple" },
-      settings: { arm: "lab:53200", kind: "pear" },
+      settings: { arm: "lab:53200", kind: "a pear" },
       cell_text: 'options:\\n  arm: 127.0.0.1:53100\\ndevices:\\n  arm:\\n    address: "{arm}"\\n' });
     Object.assign(whole, { hand, handAt: whole.t });
     page.dirty = true;

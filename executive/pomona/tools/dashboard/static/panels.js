@@ -4,7 +4,7 @@ import { wordsOf } from "./control.js";
 import { isClosed, link, press } from "./link.js";
 import { ageOf, hasNoEnd, holdsControl, page, read } from "./page.js";
 import { runNamed } from "./runs.js";
-import { commandOf, drawSteps, heldWords, lookFirst, nextCommand } from "./steps.js";
+import { commandOf, drawSteps, heldWords, lookFirst } from "./steps.js";
 import { DECIDED, expected, lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
 let goTo = () => {};
@@ -55,7 +55,7 @@ function remedyOf(code, s, path) {
     read("/api/remedies").then((answer) => answer.json()).then(tried, () => setTimeout(tried, 3000, null));
   }
   const words = remedies[code];
-  return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? [h("kbd", {}, part.startsWith("pomona run …") ? commandOf(s, "--recover") : part.replace("--cell …", `--cell ${s.run.cell_path}`)), h("span", { class: "muted" }, placed(part, s, path))] : part)), ".") : null;
+  return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? [h("kbd", {}, part.startsWith("pomona run …") ? commandOf(s, true) : part.replace("--cell …", `--cell ${s.run.cell_path}`)), h("span", { class: "muted" }, placed(part, s, path))] : part)), ".") : null;
 }
 
 // Failures of a run that goes on or succeeded. A condition that did not hold is a decision of the tree.
@@ -101,7 +101,7 @@ function endedWords(s, latest) {
   const [rank, word] = ENDED[s.ended.outcome] ?? ["bad", s.ended.outcome], state = s.ended.reason?.code === "UNVERIFIED" ? "◐ Not verified" : word;
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
-  const hand = failed ? h("p", {}, h("b", {}, "In the hand: "), heldWords(s), s.hand === null ? null : h("span", { class: "muted hand-age" }), ". ", h("b", {}, "Look first "), lookFirst(s), ". ", h("b", {}, "Go on: "), h("kbd", {}, nextCommand(s))) : null;
+  const hand = failed ? h("p", {}, h("b", {}, "In the hand: "), heldWords(s), s.hand === null ? null : h("span", { class: "muted hand-age" }), ". ", h("b", {}, "Look first "), lookFirst(s), ". ", h("b", {}, "Go on: "), h("kbd", {}, commandOf(s))) : null;
   const done = s.tables.get("tally")?.caption ?? "", failures = failed ? s.failures : onTheWay(s), count = failures.length;
   const achieved = done ? `: ${done}` : "";
   if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), achieved, failed ? "." : ` after ${seconds(s.ended.t)}; nothing failed on the way.`), hand];
