@@ -203,6 +203,13 @@ def test_a_failed_run_shows_the_remedy_of_its_code(show: Show, open_page: Open) 
         re.compile(f"^Remedy: {failure_codes()['TIMEOUT'].remedy[:12]}")
     )
     expect(page.locator("#why")).not_to_contain_text("`")
+    expect(page.locator("#why .remedy")).to_contain_text("budget (not set in this tree)")
+    page.evaluate("""async () => { // as if a node had that input, and its value came from a parameter
+        const { page } = await import("/static/page.js"), { whole } = page;
+        whole.run = { ...whole.run, run: "other", parameter_texts: { time: "2 s" } };
+        whole.byPath.get("late").inputs = { budget: "{time}" };
+        page.dirty = true; }""")
+    expect(page.locator("#why .remedy")).to_contain_text("budget (2 s at late, line 4)")
 
 
 def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Open) -> None:

@@ -42,10 +42,10 @@ function verdict(leaf, s) {
 let remedies = null;
 // Where this tree or cell has a word of a remedy.
 function placed(word, s, path) {
-  const { run } = s, at = [s.byPath.get(path), ...s.nodes].find((node) => word in { ...node?.inputs, ...node?.settings });
-  if (!/^[a-z_]+:?$/.test(word)) return "";
+  const at = [s.byPath.get(path), ...s.nodes].find((node) => word in { ...node?.inputs, ...node?.settings });
+  if (!/^[a-z_]+$/.test(word)) return "";
   if (at) return ` (${resolved(at.inputs?.[word] ?? at.settings[word], s)} at ${at.name}, line ${at.line})`;
-  return word in (run.parameters ?? {}) ? " (a parameter of the tree)" : [run.cell_text, ...Object.values(run.cell_files ?? {})].some((text) => text?.includes(`${word.replace(":", "")}:`)) ? " (in the cell's files)" : " (not set in this tree or cell)";
+  return word in (s.run.parameters ?? {}) ? " (a parameter of the tree)" : s.links.has(word) ? " (a device of this cell)" : " (not set in this tree)";
 }
 function remedyOf(code, s, path) {
   if (!code) return null;
