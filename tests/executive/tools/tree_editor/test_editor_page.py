@@ -292,13 +292,13 @@ def test_text_and_drawing_are_edited_at_the_same_time(editor: TreeEditor, open_p
     page = open_page(editor)
     area(page).fill(SMALL.replace("wait: 1 s", "wait: 1 kg"))
     expect(item(page, "root/0")).to_have_class("item wrong")
-    expect(page.locator("#findings li")).to_have_count(1)
+    expect(page.locator("#findings li.error")).to_have_count(1)
     page.locator("#tree").focus()
     item(page, "root/0").locator(".box").click()
     page.locator("#field-port-wait").fill("3 s")
     page.locator("#field-port-wait").press("Enter")
     expect(area(page)).to_have_value(SMALL.replace("1 s", "3 s"))
-    expect(page.locator("#findings li")).to_have_count(0)
+    expect(page.locator("#findings li.error")).to_have_count(0)
     area(page).fill("root: [")
     expect(page.locator("#stale")).to_be_visible()
     expect(page.get_by_role("treeitem")).to_have_count(4)
@@ -374,8 +374,10 @@ def test_a_fault_of_a_called_file_is_listed_with_its_place(
     area(page).fill(
         SMALL.replace("- wait: 1 s", "- look: {}") + "subtrees:\n  look: {file: look.yaml}\n"
     )
-    expect(page.locator("#findings li")).to_contain_text("look.yaml:4:3: no skill named 'Beeep'")
-    page.get_by_role("button", name="file", exact=True).click()
+    expect(page.locator("#findings li.error")).to_contain_text(
+        "look.yaml:4:3: no skill named 'Beeep'"
+    )
+    page.locator("#findings li.error").get_by_role("button", name="file", exact=True).click()
     page.get_by_role("button", name="Dry run").click()
     expect(page.locator('[data-bar="trial"]')).to_contain_text("look.yaml:4:3")
 
