@@ -174,9 +174,7 @@ class Foresight:
         if not FORESEEN_AFTER <= t - self._began < 0.3:
             return
         if math.isnan(self._told) or t - self._told >= self._loop.command_period - 1e-9:
-            rate = (grasp.f_n - self._needed) / (
-                self._loop.stiffness.linear * self._loop.command_period
-            )
+            rate = (grasp.f_n - self._needed) / (self._loop.stiffness * self._loop.command_period)
             self._rate, self._told = max(min(rate, 0.0), -self._loop.closing_speed), t
         grasp.command = self._rate
 

@@ -15,7 +15,7 @@ from pomona.skills.grip.grip import GripMode
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import GripSample
-from pomona.skills.grip.settings import GripSettings, PadStiffness
+from pomona.skills.grip.settings import GripSettings
 from pomona.skills.grip.tracking import ForceTracker
 
 INTERVAL = 0.02
@@ -106,7 +106,7 @@ def test_a_fruit_that_hops_from_one_finger_to_the_other_is_closed_on() -> None:
 
 
 SPEED = -0.03  # of the closing [m/s]
-PADS = PadStiffness(linear=2000.0)
+PADS = 2000.0  # stiffness [N/m]
 
 
 def feel(recorder: TouchRecorder, left: list[float], right: list[float]) -> None:

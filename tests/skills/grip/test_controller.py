@@ -307,7 +307,7 @@ def test_a_finger_that_reads_too_little_does_not_let_the_other_one_press_beyond_
     for i in range(2000):
         wrenches[:, 2] = -0.5 * pressed, -pressed
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
-        pressed -= 0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002
+        pressed -= 0.5 * controller.settings.loop.stiffness * controller.speed * 0.002
         most = max(most, pressed)
     assert (
         0.4 * controller.settings.loop.max_force
@@ -325,7 +325,7 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
             wrenches[0, 0] -= 1.0
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
         wrenches[:, 2] += (
-            0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002
+            0.5 * controller.settings.loop.stiffness * controller.speed * 0.002
         )  # the pads give
     assert any("jumped alone" in warning for warning in controller.warnings)
     assert controller.reading.f_ref >= before - 0.02

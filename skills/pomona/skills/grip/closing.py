@@ -19,8 +19,8 @@ from pomona.skills.grip.grip import GripMode, GripProblem
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import Timer
-from pomona.skills.grip.settings import GripSettings, PadStiffness
-from pomona.skills.grip.tracking import ForceTracker, pressed
+from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.tracking import ForceTracker
 
 
 class Closing:
@@ -186,9 +186,9 @@ class TouchRecorder:
         touches: of the left and the right pad; None until it has touched.
     """
 
-    def __init__(self, pads: PadStiffness) -> None:
-        """Take the pads' stiffness: a fruit that one pad pushes along presses that pad in before the other touches."""
-        self._pads, self.touches = pads, list[PadTouch | None]([None, None])
+    def __init__(self, stiffness: float) -> None:
+        """Take the pads' stiffness [N/m]: a fruit that one pad pushes along presses it in before the other touches."""
+        self._stiffness, self.touches = stiffness, list[PadTouch | None]([None, None])
         self._begun: list[PadTouch | None] = [None, None]
         self._count = [0, 0]
 
@@ -214,9 +214,7 @@ class TouchRecorder:
             if self._count[side] == 1:
                 moved = state.speed * min(max(stamp - state.stamp, 0.0), OLDEST)
                 width = (
-                    state.width
-                    + moved
-                    + pressed(self._pads, max(0.0, -float(wrenches[:, 2].sum())))
+                    state.width + moved + max(0.0, -float(wrenches[:, 2].sum())) / self._stiffness
                 )
                 self._begun[side] = PadTouch(stamp, float(width), float(forces[side]))
             if self._count[side] == LASTING and self.touches[side] is None:

@@ -42,7 +42,7 @@ from pomona.skills.grip.monitors import (
 from pomona.skills.grip.reference import ForceReference, Levels, Mode, usual_modes
 from pomona.skills.grip.sensor import BiasRecorder, GripSample, SensorWatch, StreamGuard, check_bias
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
-from pomona.skills.grip.tracking import CommandTiming, ForceTracker, slope
+from pomona.skills.grip.tracking import CommandTiming, ForceTracker
 
 
 class GripController:
@@ -306,13 +306,11 @@ class GripController:
         in_hand = self.mode in IN_HAND
         expected = 0.0
         if in_hand or self.mode is GripMode.RAMP:
-            expected = self._tracker.expected(
-                self.speed, self.estimate.f_n, self._guard.period, sample.periods
-            )
+            expected = self._tracker.expected(self.speed, self._guard.period, sample.periods)
         may_be_pushed = is_carried and self.mode in HELD
         estimate = self._estimator.advance(sample.wrenches, sample.periods, expected, may_be_pushed)
         now = self._now(sample)
-        force_rate = self._tracker.moving * slope(s.loop.stiffness, estimate.f_n)
+        force_rate = self._tracker.moving * s.loop.stiffness
         # A support that carries the fruit may press on one finger alone.
         hangs = is_carried and not self.rests
         self._sensors.check(sample, estimate, hangs, force_rate, self.acceleration)
@@ -358,7 +356,7 @@ class GripController:
         estimate = now.estimate
         loop = self.settings.loop
         force_sum = 2.0 * estimate.stronger if now.has_dead_finger else max(estimate.force_sum, 0.0)
-        coming = -self.speed * loop.lag * slope(loop.stiffness, force_sum)
+        coming = -self.speed * loop.lag * loop.stiffness
         self._reference.follow(estimate, force_sum + coming, now.sample.elapsed)
 
     def _push_begins(self) -> bool:

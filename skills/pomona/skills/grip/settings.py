@@ -131,21 +131,14 @@ class ReferenceSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class PadStiffness:
-    """Rise of the grip force (both fingers) as the opening closes on the fruit; `pressed` and `slope` (tracking.py)."""
-
-    linear: float = 2000.0  # s1 [N/m], of the opening: two pads in series
-    quadratic: float = 0.0  # s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones
-
-
-@dataclass(frozen=True, slots=True)
 class ForceLoopSettings:
     """Gain and limits of the force loop."""
 
     gain: float = 20.0  # c [1/s]
     # of fingers and measurement: delay of a commanded motion in the measured force [s]
     lag: float = 0.015
-    stiffness: PadStiffness = field(default_factory=PadStiffness)  # of the pads
+    # rise of the grip force (both fingers) as the opening closes on the fruit [N/m]: two pads in series
+    stiffness: float = 2000.0
     max_force: float = 14.0  # largest grip force [N]; each finger presses with at most half of it
     # closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s]
     closing_speed: float = 0.2

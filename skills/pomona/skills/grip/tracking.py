@@ -1,8 +1,8 @@
 """Commands of the fingers: the speed that tracks the reference of the grip force, and when it is commanded.
 
-    v = -(c (φ⁻¹(f_ref) - φ⁻¹(f)) + d/dt φ⁻¹(f_ref)),   φ⁻¹(f) = f / s1   or   sqrt(f / s2)
+    v = -(c (f_ref - f) + d/dt f_ref) / s,   s: stiffness of both pads in series
 
-φ⁻¹(f) is the deformation of the pads under the grip force f. The position of the fingers integrates the speed, so a
+The position of the fingers integrates the speed, so a
 constant reference is reached without droop. The rate of the reference is fed forward, so a rising one is tracked
 without lag; the gain then acts on the error before the rise, which would else be corrected twice.
 
@@ -18,19 +18,8 @@ from dataclasses import replace
 from pomona.skills.grip.settings import (
     CommandSettings,
     ForceLoopSettings,
-    PadStiffness,
     TrackingSettings,
 )
-
-
-def pressed(pads: PadStiffness, f_n: float) -> float:
-    """Return φ⁻¹, the closing of the opening under a grip force [m]."""
-    return math.sqrt(max(f_n, 0.0) / pads.quadratic) if pads.quadratic else f_n / pads.linear
-
-
-def slope(pads: PadStiffness, f_n: float) -> float:
-    """Return the grip force per metre of closing, at a grip force [N/m]."""
-    return 2.0 * math.sqrt(pads.quadratic * max(f_n, 0.1)) if pads.quadratic else pads.linear
 
 
 def finger_speed(
@@ -64,13 +53,12 @@ def finger_speed(
     if f_n > settings.max_force or f_ref > settings.max_force:
         f_ref = min(f_ref, settings.max_force)
         f_ref_rate = min(f_ref_rate, 0.0)
-    pads = settings.stiffness
     # The rise of the reference is fed forward: the gain acts on the error before it.
     before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
-    error = pressed(pads, before) - pressed(pads, f_n) + speed_before * settings.lag
-    closing = settings.gain * error + f_ref_rate / slope(pads, f_n)
-    most = max(f_n, hardest)
-    left = (settings.max_force - most) / slope(pads, most) + speed_before * settings.lag
+    coming = speed_before * settings.lag
+    error = (before - f_n) / settings.stiffness + coming
+    closing = settings.gain * error + f_ref_rate / settings.stiffness
+    left = (settings.max_force - max(f_n, hardest)) / settings.stiffness + coming
     fastest = min(settings.closing_speed, max(left, 0.0) / settings.command_period)
     return min(max(-closing, -fastest), settings.opening_speed)
 
@@ -88,12 +76,11 @@ class ForceTracker:
         self._correcting = 0.0
         self._moving = 0.0
 
-    def expected(self, speed: float, f_n: float, period: float, periods: int = 1) -> float:
+    def expected(self, speed: float, period: float, periods: int = 1) -> float:
         """Return the change of the grip force by the fingers' own motion in each period since the last call [N].
 
         Args:
             speed: last commanded rate of the opening [m/s]; the fingers reach it within the loop's lag.
-            f_n: grip force [N], for pads that stiffen.
             period: between two samples [s].
             periods: since the last call.
         """
@@ -101,7 +88,7 @@ class ForceTracker:
             speed - self._moving
         )
         moving = min(max(self._moving, -self._settings.foreseen), self._settings.foreseen)
-        return -moving * slope(self._loop.stiffness, f_n) * period
+        return -moving * self._loop.stiffness * period
 
     @property
     def moving(self) -> float:
@@ -146,7 +133,7 @@ class ForceTracker:
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
         """Return True within a band, to whose middle a correction goes; a step opens by less than an excess."""
         settings = self._settings
-        one_step = self._loop.step * slope(self._loop.stiffness, f_ref)
+        one_step = self._loop.step * self._loop.stiffness
         band = (
             max(noise_band * settings.too_much, one_step)
             if error < 0.0

@@ -25,7 +25,7 @@ from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.grip.limit_surface import SoftContact
-from pomona.skills.grip.settings import ForceLoopSettings, GripSettings, PadStiffness
+from pomona.skills.grip.settings import ForceLoopSettings, GripSettings
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_between
@@ -157,7 +157,7 @@ def grip_settings(skill: Skill, fruit: MeasuredFruit | None, max_force: float) -
     pair = skill.device(Pads).on(OTHER_FRUIT if fruit is None else fruit.fruit.name)
     limits = skill.device(Gripper).limits
     loop = ForceLoopSettings(
-        stiffness=PadStiffness(pair.stiffness),
+        stiffness=pair.stiffness,
         max_force=min(max_force, 2.0 * limits.force_max, bearable_force(fruit)),
         step=limits.step,
     )

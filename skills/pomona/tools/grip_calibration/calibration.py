@@ -20,7 +20,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.grip import GripError
 from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import MIRROR, PAD_HALF, loads_of_finger
-from pomona.skills.grip.settings import PadStiffness
+from pomona.skills.grip.settings import ForceLoopSettings
 
 
 class TooFewPushes(GripError):
@@ -345,7 +345,7 @@ def _stiffness(squeeze: Push) -> tuple[float | None, float]:
 def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "") -> None:
     """Write a calibration as YAML: first the cell's pads, then the quality of the values."""
     contact = calibration.contact
-    assumed = PadStiffness().linear
+    assumed = ForceLoopSettings().stiffness
     stiffness = assumed if calibration.stiffness is None else calibration.stiffness
     uncertainty = min(2.0 * calibration.mu_std / contact.mu + calibration.residual, 0.5)
     lines = [

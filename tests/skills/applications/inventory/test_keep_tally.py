@@ -15,7 +15,6 @@ from pomona.executive.views import TableView
 from pomona.skills.geometry import transform
 from pomona.skills.grip.closing import PadTouch, TouchRecorder
 from pomona.skills.grip.hold import Hold
-from pomona.skills.grip.settings import PadStiffness
 from pomona.skills.perception.detection.detection import Detection
 from tests.skills.picking_scene import apple_at
 
@@ -55,7 +54,7 @@ def test_fruit_are_listed_with_size_and_place_and_those_left_by_name():
 def gripped(*widths: float | None) -> Hold:
     """A grip whose pads first touched at these openings [m]."""
     hold = object.__new__(Hold)
-    hold._touches = TouchRecorder(PadStiffness())
+    hold._touches = TouchRecorder(2000.0)
     hold._touches.touches = [
         None if width is None else PadTouch(1.0, width, 0.5) for width in widths
     ]
