@@ -9,9 +9,12 @@ from typing import Any
 from pomona.drivers.interfaces import OTHER_FRUIT, PadContact, Pads
 from pomona.executive.cell.device import Device
 from pomona.executive.cell.registration import Settings, driver
-from pomona.executive.values.kinds import MappingOf, Measure, Number, Span
+from pomona.executive.values.kinds import MappingOf, Measure, Number, Span, Text
 from pomona.executive.values.sections import Problem, value
 from pomona.executive.values.units import LENGTH, STIFFNESS
+
+UNMEASURED = "2.99 mm"
+"""Radius of the contact of pads that nobody twisted: their torsion is 1.9 mm of their friction, as of the stiffest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,15 +26,22 @@ class PadOptions:
         help="range of the coefficient, by the fruit's kind; 'any' for all other kinds",
     )
     delta: float = value(
-        Measure(LENGTH, "0.1 mm", "20 mm"), help="radius of a pad's contact at 1 N"
+        Measure(LENGTH, "0.1 mm", "20 mm"), UNMEASURED, "radius of a pad's contact at 1 N"
     )
-    gamma: float = value(Number(0.0, 1.0), help="exponent of that radius over the force")
+    gamma: float = value(Number(0.0, 1.0), "0", "exponent of that radius over the force")
+    measured: str = value(Text(), "", "how delta and gamma were, where they give more torsion")
     stiffness: float = value(
         Measure(STIFFNESS, "100 N/m", "100 kN/m"),
         help="rise of the grip force over the closing of the fingers",
     )
 
     def problems(self) -> Iterator[Problem]:
+        if not self.measured and (self.delta > LENGTH.parse(UNMEASURED) or self.gamma):
+            yield Problem(
+                "delta",
+                f"without a measurement a grip relies on {UNMEASURED} at any force",
+                "measured: when and how; see pomona calibrate grip",
+            )
         if OTHER_FRUIT not in self.friction:
             yield Problem(
                 "friction", f"'{OTHER_FRUIT}' is missing: the friction on all other fruit"

@@ -112,9 +112,7 @@ class FeelFriction(MovingSkill):
             np.dot(load_down, hold.estimate.load) > 0.0
         ):  # a linkage moves closing pads down: relieve the fruit
             yield from self._slide(hold, self._line("up", more), more)
-        return friction_of_slides(
-            wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate
-        )
+        return friction_of_slides(wrenches_up, wrenches_down, hold.estimate.bias_std, settings.rate)
 
     def _line(self, way: str, rise: float) -> Float64:
         """Return the joints of a path up by `rise` [m]; NoSlideError: it is blocked."""

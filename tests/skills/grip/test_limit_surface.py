@@ -15,7 +15,6 @@ from benchmarks.grasp_patch import pressure_shares
 from pomona.skills.grip.limit_surface import (
     NODES,
     SoftContact,
-    grasp_force,
     least_force,
     least_force_of_finger,
     limit_surface,
@@ -154,12 +153,6 @@ def test_elements_of_a_contact_slide_on_the_surface() -> None:
         exact_f, exact_tau = limit_surface(c, 4.0)
         assert abs(f) == pytest.approx(float(exact_f), abs=4e-3)
         assert tau == pytest.approx(2.0 * xi_nu(4.0) * float(exact_tau), abs=4e-3)
-
-
-def test_the_grasp_needs_the_sum_of_both_fingers_with_margin_and_floor() -> None:
-    one = float(least_force(1.0, 0.005, FIRST_SET))
-    assert grasp_force((1.0, 1.0), (0.005, -0.005), FIRST_SET, 1.1, 0.5) == pytest.approx(2.2 * one)
-    assert grasp_force((0.01, 0.01), (0.0, 0.0), FIRST_SET, 1.1, 0.5) == 0.5
 
 
 def test_friction_that_makes_no_sense_is_refused() -> None:

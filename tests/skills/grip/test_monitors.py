@@ -414,6 +414,22 @@ def test_a_change_of_the_lever_is_turning_from_its_limit(
     assert not turns_after(lever, 9.0 * limit, **changes, f_t=0.299)
 
 
+@pytest.mark.parametrize("slow", [0.0, 1.0])
+def test_a_turn_is_how_far_the_lever_has_moved_since_the_load_settled(slow: float) -> None:
+    """Whether it moves at once or within three seconds; while the load comes onto the pads, it may move."""
+    watch = SlipWatch(SLIPS, SETTINGS.rate)
+    watch.start()
+    wrench = np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])
+    for k in range(3000):
+        loading = 4e-3 * max(0.1 - k / SETTINGS.rate, 0.0)
+        share = min(max(k - 600, 0) / (1500.0 * slow + 1.0), 1.0)
+        now = pressing(unfiltered=wrench, f_t=2.0)._replace(tau_n=2.0 * (loading + 6e-4 * share))
+        watch.check(now, 1, True)
+        if k == 599:
+            assert watch.turned < 1e-4
+    assert watch.turned == pytest.approx(6e-4, abs=1e-4)
+
+
 def test_after_a_slip_the_distance_goes_on_from_where_it_was_found() -> None:
     watch = SlipWatch(NEAR, SETTINGS.rate)
     watch.calibrate(np.zeros((8, 2, 6)))

@@ -116,17 +116,32 @@ def test_the_expected_load_is_the_weight_and_twice_its_doubt_lifted_by_a_tenth_o
     assert expected_load(unsure) > 1.05 * expected_load(fruit)
 
 
-def test_the_largest_press_of_the_pads_is_in_the_account_of_a_held_fruit() -> None:
+def account_of(turned: float) -> dict[str, tuple[str, float]]:
+    """What a held apple adds to the account whose load's lever has moved on the pads by so much [m]."""
     scene = PickingScene(width=0.07)
     skill = skill_of(scene, fingers=scene.fingers)
-    entries: dict[str, float] = {}
-    skill.account = lambda about, words, press=0.0: entries.update({about: press})
-    fruit = apple_at(1, 3)
+    entries: dict[str, tuple[str, float]] = {}
+    skill.account = lambda about, words, press=0.0: entries.update({about: (words, press)})
     hold: Any = SimpleNamespace(
-        ended=False, reading=SimpleNamespace(f_n=4.0, f_t=1.4), peaks=np.array([9.0, 5.0, 4.0])
+        ended=False,
+        reading=SimpleNamespace(f_n=4.0, f_t=2.0),
+        peaks=np.array([9.0, 5.0, 4.0]),
+        turned=turned,
     )
-    note_held(skill, hold, fruit)
-    assert entries["the pads"] == pytest.approx(2.5 / bruising(fruit))
+    note_held(skill, hold, apple_at(1, 3))
+    return entries
+
+
+def test_the_largest_press_of_the_pads_is_in_the_account_of_a_held_fruit() -> None:
+    assert account_of(0.0)["the pads"][1] == pytest.approx(2.5 / bruising(apple_at(1, 3)))
+
+
+def test_a_fruit_that_has_turned_in_the_pads_makes_the_task_done_in_part() -> None:
+    assert account_of(1e-4)["the held fruit"][0] == ""
+    assert (
+        "turned in the pads: the lever of its weight moved by 0.6 mm"
+        in (account_of(6e-4)["the held fruit"][0])
+    )
 
 
 def test_two_fingers_press_twice_as_hard_as_bruises_by_one_less_a_tenth() -> None:

@@ -1,6 +1,6 @@
 """Grip control with the minimum force that holds a fruit of unknown weight.
 
-Usable alone on arrays: `limit_surface`, `least_force`, `grasp_force` (limit_surface.py), and `GripController`
+Usable alone on arrays: `limit_surface`, `least_force` (limit_surface.py), and `GripController`
 (controller.py), stepped by samples.
 
 The names below are public, and loaded on first use.

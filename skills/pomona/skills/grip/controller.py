@@ -182,6 +182,11 @@ class GripController:
         return self._slips.slipped
 
     @property
+    def turned(self) -> float:
+        """Motion of the load's lever arm since it settled, while the hand keeps its direction [m]."""
+        return self._slips.turned
+
+    @property
     def reading(self) -> GripReading:
         """The grip of this moment, for records and viewers."""
         estimate = self.estimate

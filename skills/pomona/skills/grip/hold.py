@@ -143,6 +143,11 @@ class Hold:
         return self._controller.slipped
 
     @property
+    def turned(self) -> float:
+        """Motion of the load's lever arm since it settled, while the hand keeps its direction [m]."""
+        return self._controller.turned
+
+    @property
     def has_settled(self) -> bool:
         """True when the force has fallen to the requirement of the load."""
         return self._controller.has_settled

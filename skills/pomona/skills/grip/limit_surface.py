@@ -240,14 +240,3 @@ def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float
     result = np.empty(loads.size)
     _least_forces(loads.ravel(), moments.ravel(), surface_table(contact), result)
     return result.reshape(loads.shape)
-
-
-def grasp_force(
-    f_t: tuple[float, float],
-    tau_n: tuple[float, float],
-    contact: SoftContact,
-    margin: float = 1.1,
-    floor: float = 0.5,
-) -> float:
-    """Return f_ns of a two-finger grasp [N]: `margin` times both fingers' minimum forces, at least `floor`."""
-    return max(floor, margin * float(np.sum(least_force(np.array(f_t), np.array(tau_n), contact))))

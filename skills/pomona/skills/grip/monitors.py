@@ -34,6 +34,8 @@ class SlipWatch:
 
     Attributes:
         slipped: distance that the contact has moved since `start` [m].
+        turned: motion of the lever arm since the load settled on the pads [m]; a motion of the hand that tilts it
+            moves it, too.
     """
 
     def __init__(self, settings: SlipWatchSettings, rate: float) -> None:
@@ -43,7 +45,7 @@ class SlipWatch:
         self._period = 1.0 / rate
         self._torque_std = 0.0
         self._means, self._places = np.zeros((3, 5)), np.zeros((3, 2))
-        self._lever_fast = self._lever_slow = 0.0
+        self._lever_fast = self._lever_slow = self._lever_first = self.turned = 0.0
         self._samples = 0
         self._carried_for = 0.0
         self._origin = np.full(2, np.nan)
@@ -134,7 +136,11 @@ class SlipWatch:
         moved = abs(self._lever_fast - self._lever_slow)
         noise = s.lever_stds * estimate.tau_std / estimate.f_t
         least = max(s.lever_moved, s.lever_ratio * abs(self._lever_slow), noise)
-        return self._carried_for > s.lever_lags[1] and moved > least
+        if self._carried_for <= s.lever_lags[1]:
+            self._lever_first = self._lever_slow
+            return False
+        self.turned = abs(self._lever_slow - self._lever_first)
+        return moved > least
 
 
 @kernel(error_model="numpy")

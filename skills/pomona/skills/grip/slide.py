@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR, loads_of_finger
 
 # smallest duration [s] and number of samples of each half of a slide
@@ -49,16 +48,15 @@ class Slide:
 
 
 def friction_of_slides(
-    up: Float64, down: Float64, contact: SoftContact, bias_std: float = 0.0, rate: float = 500.0
+    up: Float64, down: Float64, bias_std: float = 0.0, rate: float = 500.0
 ) -> Slide:
     """Return the friction of both pads, which may press differently on both ways.
 
-    Each finger slides on its limit surface; as an ellipsoid, (f_t / mu f_n)² + (tau_n / tau_max)² = 1, which is solved
-    for mu, since tau_max is proportional to it too.
+    A twist meanwhile takes its part of the friction. How large a part depends on a torsion that is not measured, so it
+    counts as none: the friction is not overestimated.
 
     Args:
         up, down: wrenches while the pads slid, bias removed, shape (n, 2, 6), as in `WrenchSample`.
-        contact: torsion of the contact.
         bias_std: standard deviation of a force's error by the bias [N].
         rate: of the samples [Hz].
 
@@ -67,8 +65,8 @@ def friction_of_slides(
     halves = [half for way in (up, down) for half in np.array_split(way, 2)]
     if min(len(half) for half in halves) < max(SHORTEST * rate, FEW):
         raise NoSlideError(f"the slides have only {len(up)} and {len(down)} samples")
-    f_n_up, going_up = _ratios(up, contact)
-    f_n_down, going_down = _ratios(down, contact)
+    f_n_up, going_up = _ratios(up)
+    f_n_down, going_down = _ratios(down)
     f_n = np.minimum(f_n_up, f_n_down)
     rubs = 0.5 * (going_down - going_up)
     rests = 0.5 * (going_down + going_up)
@@ -82,8 +80,8 @@ def friction_of_slides(
     early, late = (
         _mu(f_n, second if came_along else 0.5 * (second - first))[0]
         for first, second in (
-            (_ratios(halves[0], contact)[1], _ratios(halves[2], contact)[1]),
-            (_ratios(halves[1], contact)[1], _ratios(halves[3], contact)[1]),
+            (_ratios(halves[0])[1], _ratios(halves[2])[1]),
+            (_ratios(halves[1])[1], _ratios(halves[3])[1]),
         )
     )
     if abs(early - late) > STEADY * late:
@@ -110,11 +108,8 @@ def moves_with_pads(down: Float64, force: float, force_sum: float, expected_load
     return bool(force * ratio > LIGHT or force_sum * ratio > LIGHT_NOW)
 
 
-def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
-    """Return the mean normal force of each finger, shape (2,), and its mean load over that, shape (2, 3).
-
-    The load is the tangential force, and the torsion over its equivalent radius.
-    """
+def _ratios(wrenches: Float64) -> tuple[Float64, Float64]:
+    """Return the mean normal force of each finger, shape (2,), and its mean tangential force over that, shape (2, 2)."""
     first = wrenches[:, 0].mean(axis=0)
     second = wrenches[:, 1].mean(axis=0)
     loads = np.array([loads_of_finger(first), loads_of_finger(MIRROR * second)])
@@ -123,8 +118,7 @@ def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
         raise NoSlideError(
             f"a finger presses with {f_n.min():.2f} N, at least {PRESSING:g} N are needed"
         )
-    radius = contact.torsion / contact.mu * f_n**contact.gamma
-    return f_n, np.column_stack([loads[:, 1], loads[:, 2], loads[:, 3] / radius]) / f_n[:, None]
+    return f_n, loads[:, 1:3] / f_n[:, None]
 
 
 def _mu(f_n: Float64, rubs: Float64) -> tuple[float, Float64]:

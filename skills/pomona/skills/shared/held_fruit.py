@@ -96,14 +96,17 @@ def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None
         found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
         note_press(skill, "the pads", 0.5 * hold.peaks[1], fruit)
         if fruit is not None:
-            skill.account("the held fruit", "; ".join(_contradictions(width, reading.f_t, fruit)))
+            skill.account("the held fruit", "; ".join(_contradictions(width, hold, fruit)))
     elif sensor is not None:
         found.append(f"pads {sum(pressing_forces(sensor)):.1f} N")
     skill.account(HELD, ", ".join(found))
 
 
-def _contradictions(width: float, load: float, fruit: MeasuredFruit) -> Iterator[str]:
-    """Yield where width [m] and weight [N] in the fingers differ from the fruit that the camera measured."""
+def _contradictions(width: float, hold: Hold, fruit: MeasuredFruit) -> Iterator[str]:
+    """Yield where width [m], weight and its lever in the fingers differ from the fruit that was measured and gripped."""
+    load = hold.reading.f_t
+    if hold.turned > TURNED:
+        yield f"the fruit has turned in the pads: the lever of its weight moved by {1e3 * hold.turned:.1f} mm"
     least, most = NARROWEST * float(fruit.dimensions.min()), float(fruit.dimensions.max())
     if not least <= width <= most + CLEARANCE:
         yield f"the pads are {1e3 * width:.0f} mm apart at a fruit of {1e3 * most:.0f} mm"
@@ -144,6 +147,9 @@ def note_press(
 
 # opening over the fruit at which a finger may touch [m]: it may lie off the centre
 CLEARANCE = 0.008
+TURNED = (
+    5e-4  # motion of a load's lever that is a turn [m]; in lifts without one it was up to 0.34 mm
+)
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 OFF_CENTRE = 0.003  # largest distance of the fruit's centre from the grip [m]
 

@@ -348,12 +348,16 @@ def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "")
     assumed = ForceLoopSettings().stiffness
     stiffness = assumed if calibration.stiffness is None else calibration.stiffness
     uncertainty = min(2.0 * calibration.mu_std / contact.mu + calibration.residual, 0.5)
+    twisted = (
+        f"  delta: {1e3 * contact.delta:.4f} mm",
+        f"  gamma: {contact.gamma:.4f}",
+        "  measured: pomona calibrate grip",
+    )
     lines = [
         f"# Pads on {fruit or 'a fruit'}; in the cell file: pads: {{include: {path.name}#pads}}",
         "pads:",
         "  driver: pads",
-        f"  delta: {1e3 * contact.delta:.4f} mm",
-        f"  gamma: {contact.gamma:.4f}",
+        *(twisted if calibration.delta_std else ()),
         f"  stiffness: {stiffness:.0f} N/m",
         "  friction:",
         f"    any: {contact.mu * (1.0 - uncertainty):.4f}..{contact.mu * (1.0 + uncertainty):.4f}",
