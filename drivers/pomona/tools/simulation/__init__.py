@@ -25,9 +25,9 @@ if TYPE_CHECKING:
         add_intruder as add_intruder,
     )
     from pomona.tools.simulation.layout import (
-        FRICTION as FRICTION,
         PADS as PADS,
         CellFruitSection as CellFruitSection,
+        DrawnOptions as DrawnOptions,
         FruitOnTable as FruitOnTable,
         read_robot as read_robot,
     )
@@ -56,7 +56,7 @@ PUBLIC = {
     "fruit_shape": "APPLES FruitShape make_fruit",
     "gl": "load_mujoco",
     "intruder": "IntruderSection add_intruder",
-    "layout": "CellFruitSection FRICTION FruitOnTable PADS read_robot",
+    "layout": "CellFruitSection DrawnOptions FruitOnTable PADS read_robot",
     "scene": (
         "TABLE_FRICTION TIMESTEP add_contact_sensors add_fixed add_fruit add_lights add_material container_of "
         "quaternion set_physics standing_pose"

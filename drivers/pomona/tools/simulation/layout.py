@@ -158,6 +158,24 @@ def sag(path: Path, q: Float64) -> float:
 FRICTION = (0.7, 0.9)  # sliding friction between pads and skin, drawn for each run
 
 
+@dataclass(frozen=True, slots=True)
+class PadTruth:
+    """The pads of a simulated hand."""
+
+    friction: float  # sliding friction on fruit
+    torsion: float  # torsional friction [m]
+    spring: float  # stiffness beside that in the robot's file
+
+    def put(self, spec: Any) -> None:
+        """Give them to the robot in a world that is built; a pad's joint has its name."""
+        for pad in PADS:
+            spec.geom(pad).friction = [self.friction, self.torsion, 0.0001]
+        for joint in spec.joints:
+            if joint.name in PADS:
+                joint.stiffness *= self.spring
+                joint.damping *= np.sqrt(self.spring)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitOnTable:
     """One fruit: kind, size (d_x, d_y, d_z) [m], mass [kg], place on the table (x, y) [m], yaw and tilt of its stem,
@@ -174,6 +192,7 @@ class FruitOnTable:
     tilt_azimuth: float
     skin: str
     shape_noise: float
+    centre: Float64  # of its mass, from its middle, (3,) [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,8 +217,7 @@ class Layout:
     fixed: tuple[
         Box, ...
     ]  # fixed obstacles of the cell file's workspace: the robot's pedestal, a crate
-    friction: float  # sliding friction of the pads
-    torsion: float  # torsional friction of the pads [m]
+    pads: PadTruth
     intruder: IntruderSection | None = None  # a person's hand that comes into the cell, or None
     # where fruit is brought together before the run; None: each at its place
     gathering: Gathering | None = None
@@ -224,11 +242,54 @@ class CellFruitSection:
             yield Problem("model", str(error))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorldOptions:
-    """MuJoCo's world: a robot, a table, and the objects on it."""
+@dataclass(frozen=True, kw_only=True)
+class DrawnOptions:
+    """What every simulated world draws for a run: fruit and pads as they are, which no robot is told."""
 
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
+    friction: tuple[float, float] | None = value(
+        OrWord(Span(Number(0.01, 5.0)), "auto"),
+        "auto",
+        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
+    )
+    lever: tuple[float, float] = value(
+        Span(Measure(LENGTH, "0 mm", "100 mm")),
+        "3.8 mm",
+        "of the pads' torsion: their largest moment over their sliding friction",
+    )
+    spring: tuple[float, float] = value(
+        Span(Number(0.1, 10.0)), "1", "stiffness of the pads beside that in the robot's file"
+    )
+    weight: tuple[float, float] = value(
+        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's"
+    )
+    centre: tuple[float, float] = value(
+        Span(Measure(LENGTH, "0 mm", "20 mm")),
+        "0 mm",
+        "distance of a fruit's centre of mass from its middle, in any direction",
+    )
+    shape_noise: float = value(
+        Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form"
+    )
+    intruder: IntruderSection | None = value(
+        Section(IntruderSection), None, "a person's hand that comes into the cell"
+    )
+
+    def draw_pads(self, rng: np.random.Generator) -> PadTruth:
+        """Draw the pads of a run."""
+        friction = rng.uniform(*(self.friction or FRICTION))
+        return PadTruth(friction, friction * rng.uniform(*self.lever), rng.uniform(*self.spring))
+
+    def draw_centre(self, rng: np.random.Generator) -> Float64:
+        """Draw the centre of mass of a fruit, from its middle, (3,) [m]."""
+        way = rng.normal(size=3)
+        return rng.uniform(*self.centre) / np.linalg.norm(way) * way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldOptions(DrawnOptions):
+    """MuJoCo's world: a robot, a table, and the objects on it."""
+
     table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
     fruits: Mapping[str, CellFruitSection] = value(
@@ -245,24 +306,8 @@ class WorldOptions:
     mass: float | None = value(
         OrWord(Measure(MASS, "1 g", "5 kg"), "auto"), "auto", "of the target; 'auto' draws one"
     )
-    friction: tuple[float, float] | None = value(
-        OrWord(Span(Number(0.01, 5.0)), "auto"),
-        "auto",
-        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
-    )
-    torsion: float = value(
-        Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding"
-    )
-    weight: tuple[float, float] = value(
-        Span(Number(0.1, 10.0)),
-        "0.95..1.10",
-        "mass of a fruit beside its kind's, drawn from this range",
-    )
     spread: float = value(
         Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share"
-    )
-    shape_noise: float = value(
-        Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form"
     )
     tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
     jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
@@ -278,9 +323,6 @@ class WorldOptions:
         Row(Measure(LENGTH, "-100 mm", "100 mm"), 2),
         "0 0 mm",
         f"how far the crate '{SOURCE}' stands from its place in the workspace",
-    )
-    intruder: IntruderSection | None = value(
-        Section(IntruderSection), None, "a person's hand that comes into the cell"
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -387,6 +429,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=said.skin if i == 0 and said.skin != "any" else kind.skin or skin,
                 shape_noise=said.shape_noise,
+                centre=said.draw_centre(rng),
             )
         )
     return Layout(
@@ -395,8 +438,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         fruits=tuple(fruits),
         distractors=_scatter(said.distractors, [fruit.xy for fruit in fruits], drawn["scatter"]),
         fixed=fixed,
-        friction=float(drawn["friction"].uniform(*(said.friction or FRICTION))),
-        torsion=said.torsion,
+        pads=said.draw_pads(drawn["friction"]),
         intruder=said.intruder,
         gathering=gathering,
     )

@@ -20,6 +20,7 @@ from pomona.tools.simulation.layout import (
     FruitOnTable,
     Gathering,
     Layout,
+    PadTruth,
     read_robot,
 )
 
@@ -44,8 +45,7 @@ class SimScene:
     fruits: tuple[FruitOnTable, ...]
     shapes: tuple[FruitShape, ...]
     fixed: tuple[Box, ...]
-    friction: float
-    torsion: float
+    pads: PadTruth
     table_z: float
     intruder: IntruderSection | None = None
     gathering: Gathering | None = None
@@ -65,8 +65,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
     add_fixed(mujoco, spec, layout.fixed)
-    for pad in PADS:
-        spec.geom(pad).friction = [layout.friction, layout.torsion, 0.0001]
+    layout.pads.put(spec)
     shapes = []
     for i, fruit in enumerate(layout.fruits):
         drawn = np.random.default_rng([seed, 5, i])
@@ -88,8 +87,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
         layout.fruits,
         tuple(shapes),
         layout.fixed,
-        layout.friction,
-        layout.torsion,
+        layout.pads,
         layout.table_z,
         layout.intruder,
         layout.gathering,
@@ -205,8 +203,13 @@ def add_fruit(
     touch = {"contype": 1, "conaffinity": 3, "condim": 6, "friction": TABLE_FRICTION}
     shown = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
     kind = mujoco.mjtGeom.mjGEOM_MESH
-    body.add_geom(name=name, type=kind, meshname=name, mass=fruit.mass, group=3, **touch)
+    parts = 1 + fruit.centre.any()  # half of the mass lies twice as far away as its centre
+    mass = fruit.mass / parts
+    body.add_geom(name=name, type=kind, meshname=name, mass=mass, group=3, **touch)
     body.add_geom(name=f"{name}_skin", type=kind, meshname=name, material=name, **shown)
+    if parts > 1:
+        still = {"contype": 0, "conaffinity": 0, "mass": mass, "group": 3}
+        body.add_geom(size=[1e-3] * 3, pos=parts * fruit.centre, **still)
     if shape.stem is not None:
         twig = spec.add_mesh(name=f"{name}_stem")
         twig.uservert, twig.userface = shape.stem[0].ravel(), shape.stem[1].ravel()

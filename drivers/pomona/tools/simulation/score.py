@@ -45,16 +45,18 @@ class HeldForce:
         self.least.append(least)
 
     def report(self) -> dict[str, float | None]:
-        """Median force and median ratio to the least while it hung, both at the end, and one finger's peak."""
+        """Median force, median and least ratio to the least force while it hung, both at the end, one finger's peak."""
         stamps, forces, least = map(np.asarray, (self.stamps, self.forces, self.least))
         loaded = least > 0.2  # minimum grip force below which the ratio to it is not computed [N]
         figures: dict[str, float | None] = dict.fromkeys(
-            ("hold_force_n", "hold_ratio", "end_force_n", "end_ratio"), None
+            ("hold_force_n", "hold_ratio", "least_ratio", "end_force_n", "end_ratio"), None
         )
         if loaded.any():
             late = loaded & (stamps >= stamps[-1] - 0.1)  # length of the end of a grip [s]
             figures["hold_force_n"] = float(np.median(forces[loaded]))
-            figures["hold_ratio"] = float(np.median(forces[loaded] / least[loaded]))
+            ratios = forces[loaded] / least[loaded]
+            figures["hold_ratio"] = float(np.median(ratios))
+            figures["least_ratio"] = float(ratios.min())
             if late.any():
                 figures["end_force_n"] = float(np.mean(forces[late]))
                 figures["end_ratio"] = float(np.mean(forces[late]) / np.mean(least[late]))
@@ -248,9 +250,8 @@ class Scorer:
             force = wrench[:3]
             shear += force - normal * (normal @ force)
             twist += side * float(normal @ wrench[3:6])
-        friction = self.scene.friction
-        torsion = self.scene.torsion
-        return float(np.hypot(np.linalg.norm(shear) / friction, twist / torsion))
+        pads = self.scene.pads
+        return float(np.hypot(np.linalg.norm(shear) / pads.friction, twist / pads.torsion))
 
     # ------------------------------------------------------------------------------------------ reporting
 
@@ -287,7 +288,7 @@ class Scorer:
             "collided_with": sorted(hits),
             "dimensions_m": [float(d) for d in fruit.dimensions],
             "mass_kg": fruit.mass,
-            "friction": self.scene.friction,
+            "friction": self.scene.pads.friction,
             "T_base_fruit": pose.tolist(),
             "T_base_fruit_at_look": record.looked.tolist(),
             "fruits": [

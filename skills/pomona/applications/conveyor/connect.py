@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -29,8 +28,6 @@ from pomona.executive import (
     MappingOf,
     Measure,
     Number,
-    OrWord,
-    PathTo,
     Problem,
     Section,
     Span,
@@ -41,11 +38,9 @@ from pomona.executive import (
 )
 from pomona.tools.simulation import (
     APPLES,
-    FRICTION,
-    PADS,
     CellFruitSection,
+    DrawnOptions,
     FruitOnTable,
-    IntruderSection,
     make_fruit,
     read_robot,
 )
@@ -54,10 +49,9 @@ TILT = 0.1  # largest tilt of a stem when a fruit is put on the belt [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConveyorOptions(BeltPlace):
+class ConveyorOptions(BeltPlace, DrawnOptions):
     """A belt beside a robot, and the fruit that comes on it."""
 
-    robot: Path = value(PathTo("file"), help="MJCF of the robot")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
     speed: float = value(
         Measure(SPEED, "0 m/s", f"{FASTEST} m/s"), "0.15 m/s", "of the belt, towards +x"
@@ -75,23 +69,6 @@ class ConveyorOptions(BeltPlace):
     kind: str = value(Text(), "all", "which fruit comes: a name in `fruits`, or all")
     fruits: Mapping[str, CellFruitSection] = value(
         MappingOf(Section(CellFruitSection)), help="fruit for the belt"
-    )
-    weight: tuple[float, float] = value(
-        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's"
-    )
-    shape_noise: float = value(
-        Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form"
-    )
-    friction: tuple[float, float] | None = value(
-        OrWord(Span(Number(0.01, 5.0)), "auto"),
-        "auto",
-        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
-    )
-    torsion: float = value(
-        Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding"
-    )
-    intruder: IntruderSection | None = value(
-        Section(IntruderSection), None, "a person's hand that comes into the cell"
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -146,9 +123,7 @@ def connect_world(settings: Settings[ConveyorOptions], context: ConnectContext) 
     seed = context.seed
     assert context.workspace is not None, "judged when the cell file was read"
     spec = read_robot(said.robot)
-    friction = float(np.random.default_rng([seed, 18]).uniform(*(said.friction or FRICTION)))
-    for pad in PADS:
-        spec.geom(pad).friction = [friction, said.torsion, 0.0001]
+    said.draw_pads(np.random.default_rng([seed, 18])).put(spec)
     fruits = draw_fruits(said, seed)
     shapes = [
         make_fruit(
@@ -198,6 +173,7 @@ def draw_fruits(said: ConveyorOptions, seed: int) -> tuple[FruitOnTable, ...]:
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=kind.skin or str(rng.choice(APPLES)),
                 shape_noise=said.shape_noise,
+                centre=said.draw_centre(rng),
             )
         )
     return tuple(fruits)

@@ -190,7 +190,7 @@ def pick(probe: Probe, height: float = 0.12, force: float | None = None) -> None
     lift[0] = probe.set_point()
     probe.take_bias()
     mass = probe.world.scene.fruits[0].mass
-    probe.grip(force or max(2.2, 1.5 * mass * 9.81 / probe.world.scene.friction))
+    probe.grip(force or max(2.2, 1.5 * mass * 9.81 / probe.world.scene.pads.friction))
     probe.run(probe.arm.follow(rest_to_rest(lift, probe.arm.limits, share=0.25)))
     end = probe.cell.clock.now() + 0.5
     probe.wait(lambda: probe.cell.clock.now() >= end)

@@ -38,10 +38,25 @@ def test_other_fruit_on_the_table_is_of_the_targets_kind(open_cell):
 
 def test_friction_and_noise_are_set_from_outside(open_cell):
     cell = open_cell(seed=5, friction="0.4..0.5", depth_noise="0.3 px", force_noise="0.2 N")
-    assert 0.4 <= cell._world.scene.friction <= 0.5
+    assert 0.4 <= cell._world.scene.pads.friction <= 0.5
     assert cell.devices["camera"]._stereo.disparity_noise == 0.3
     with pytest.raises(CellFileError, match="friction"):
         open_cell(seed=5, friction="slippery")
+
+
+def test_pads_and_centre_of_mass_are_as_drawn_and_leave_the_other_draws(open_cell):
+    plain = open_cell(seed=5)._world
+    drawn = open_cell(seed=5, lever="2 mm..3 mm", spring="3", centre="6 mm..8 mm")._world
+    friction, torsion = drawn.model.geom("pad_left").friction[:2]
+    assert friction == plain.model.geom("pad_left").friction[0]
+    assert 2e-3 <= torsion / friction <= 3e-3
+    stiffness = plain.model.joint("pad_right").stiffness[0]
+    assert drawn.model.joint("pad_right").stiffness[0] == pytest.approx(3.0 * stiffness)
+    before, after = (world.model.body("fruit_0") for world in (plain, drawn))
+    assert after.mass[0] == pytest.approx(before.mass[0])
+    moved = float(np.linalg.norm(after.ipos - 0.5 * before.ipos))
+    assert 6e-3 <= moved <= 8e-3
+    assert np.array_equal(drawn.scene.shapes[0].vertices, plain.scene.shapes[0].vertices)
 
 
 def test_a_fruit_without_lumps_is_the_models_form(open_cell):
@@ -62,6 +77,7 @@ def test_the_force_of_a_hold_is_its_median_beside_the_least_and_its_end_apart():
     figures = held.report()
     assert figures["hold_force_n"] == 4.0
     assert figures["hold_ratio"] == 2.0
+    assert figures["least_ratio"] == pytest.approx(1.2)
     assert figures["end_force_n"] == pytest.approx(2.4)
     assert figures["end_ratio"] == pytest.approx(1.2)
     assert HeldForce().report()["hold_ratio"] is None
