@@ -198,9 +198,8 @@ class RobotServices(Services):
         self, devices: Mapping[str, device.Device], workspace: object | None = None
     ) -> None:
         super().__init__(devices, workspace)
-        arm, fingers, gripper = (
-            self._first(interface) for interface in (Arm, ForceSensor, Gripper)
-        )
+        offered: dict[type, Any] = {i: each for each in devices.values() for i in each.interfaces}
+        arm, fingers, gripper = map(offered.get, (Arm, ForceSensor, Gripper))
         memory = getattr(gripper if fingers is None else fingers, "hand_memory", None)
         if memory is None and gripper is not None and not gripper.outlives:
             memory = HandMemory(None, HandRecord())  # of a new world, which ends with this process
@@ -209,7 +208,21 @@ class RobotServices(Services):
 
     @classmethod
     def judge(cls, placed: Placed[Any], facts: Iterable[object], findings: Findings) -> None:
-        """Judge named poses by the arm's limits and each other; note that no camera can see a person."""
+        """Judge named poses by the arm's limits and each other; note that no camera can see a person.
+
+        Refuse two devices of which a skill takes one; all cameras are seen through.
+        """
+        offered: dict[type, str] = {}
+        for name, said in placed.values.devices.items():
+            for interface in said.driver.device.interfaces:
+                other = offered.setdefault(interface, name)
+                if other != name and interface is not Camera:
+                    findings.error(
+                        said.placed.node,
+                        "ambiguous",
+                        f"'{other}' is a {interface.__name__}, too, and a skill takes one",
+                        f"leave '{name}' or '{other}' out",
+                    )
         limits = next((fact for fact in facts if isinstance(fact, ArmLimits)), None)
         node = placed.node.get("workspace")
         poses = node.get("poses") if isinstance(node, YamlMapping) else None
@@ -318,8 +331,3 @@ class RobotServices(Services):
     def close(self) -> None:
         if self._readings is not None:
             self._readings.close()
-
-    def _first(self, interface: type) -> Any:
-        return next(
-            (device for device in self.devices.values() if interface in device.interfaces), None
-        )

@@ -1,5 +1,6 @@
 """Loading a cell: devices by name, one clock, errors before anything moves, nothing left open after one."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -12,6 +13,7 @@ from pomona.drivers.errors import CellFileError, DeviceLost
 from pomona.drivers.interfaces import (
     Arm,
     Camera,
+    Cameras,
     ForceSensor,
     Gripper,
     Hands,
@@ -165,6 +167,12 @@ def test_bad_overrides_of_the_simulated_cell_are_reported(overrides, says):
         ("driver: mock}", "driver: mock-camera}", 10, "simulates no world"),
         ("devices:", "device:", 2, "needs 'devices'"),
         ("size: [2 m, 20 mm, 1 m]", "size: 2 0 1 m", 8, "positive sizes"),
+        (
+            "camera: {driver: mock-camera}",
+            "a: {driver: mock-gripper}",
+            15,
+            "'gripper' is a Gripper, too",
+        ),
     ],
 )
 def test_mistakes_in_a_cell_file_have_a_place(load, old, new, line, says):
@@ -173,6 +181,11 @@ def test_mistakes_in_a_cell_file_have_a_place(load, old, new, line, says):
         load(MOCK.replace(old, new))
     assert says in str(error.value)
     assert error.value.line == line
+
+
+def test_of_several_cameras_a_skill_sees_through_all(load):
+    with closing(load(f"{MOCK}  other: {{driver: mock-camera}}\n")) as cell:
+        assert len(cell.device(Cameras).all) == 2
 
 
 class Recorder(Device):

@@ -78,5 +78,8 @@ class Presses:
 def press_figures(presses: Sequence[Press]) -> dict[str, object]:
     """Return how many fruits are bruised, and the largest press, for a score."""
     largest, words = max(presses, default=(0.0, ""))
-    bruised = sum(ratio > 1.0 for ratio, _ in presses)
-    return {"bruised": bruised, "largest_press": largest, "pressed": words}
+    return {
+        "bruised": sum(ratio > 1.0 for ratio, _ in presses),
+        "largest_press": largest,
+        "pressed": words,
+    }

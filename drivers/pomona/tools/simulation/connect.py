@@ -42,8 +42,11 @@ class InWorld:
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(PhysicsWorld):
-            words = "a simulated device needs the simulated world above it"
-            yield Problem("driver", words, "world: {driver: mujoco, …}")
+            yield Problem(
+                "driver",
+                "a simulated device needs the simulated world above it",
+                "world: {driver: mujoco, …}",
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,8 +190,10 @@ class CameraOptions(InWorld):
             yield Problem("hand_eye", f"it holds no pose 'T_mount_camera': {error}")
         width, height = self.size or (self.intrinsics.width, self.intrinsics.height)
         if width > OFFSCREEN[0] or height > OFFSCREEN[1]:
-            words = f"it is {width} x {height}; the simulator draws at most {OFFSCREEN[0]} x {OFFSCREEN[1]} pixels"
-            yield Problem("size" if self.size else "intrinsics", words)
+            yield Problem(
+                "size" if self.size else "intrinsics",
+                f"it is {width} x {height}; the simulator draws at most {OFFSCREEN[0]} x {OFFSCREEN[1]} pixels",
+            )
 
     def stated(self) -> Float64 | None:
         """Return the pose in `hand_eye`, shape (4, 4); None without one. Raises ValueError or OSError: it has none."""

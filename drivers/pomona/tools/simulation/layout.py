@@ -350,8 +350,11 @@ class WorldOptions(DrawnOptions):
             len(q := poses[self.start]) == len(read_limits(self.robot).lower)
             and (way := sag(self.robot, q)) > 1e-3
         ):
-            words = f"its drives give way by {way:.4f} rad to the arm's weight: its motions do not come to rest"
-            yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
+            yield Problem(
+                "robot",
+                f"its drives give way by {way:.4f} rad to the arm's weight: its motions do not come to rest",
+                'write gravcomp="1" on each of its bodies',
+            )
         if self.fruits_at == "crate":
             obstacles = () if around.workspace is None else around.workspace.obstacles
             crate = crate_of(obstacles)

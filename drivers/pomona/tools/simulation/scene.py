@@ -68,9 +68,14 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     layout.pads.put(spec)
     shapes = []
     for i, fruit in enumerate(layout.fruits):
-        drawn = np.random.default_rng([seed, 5, i])
         shapes.append(
-            make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.shape_noise)
+            make_fruit(
+                fruit.model,
+                fruit.dimensions,
+                fruit.skin,
+                np.random.default_rng([seed, 5, i]),
+                fruit.shape_noise,
+            )
         )
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
@@ -81,9 +86,8 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     add_contact_sensors(mujoco, spec, ["table", *fixed_bodies, *touched], {})
     if layout.intruder is not None:
         add_intruder(mujoco, spec)
-    model = spec.compile()
     return SimScene(
-        model,
+        spec.compile(),
         layout.fruits,
         tuple(shapes),
         layout.fixed,
@@ -141,8 +145,7 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
     colour = hue * rng.uniform(0.85, 1.1)
     stretch = rng.uniform(1.0, 12.0)
     grain = cv2.GaussianBlur(rng.normal(size=(512, 512)), (0, 0), sigmaX=stretch, sigmaY=1.2)
-    fine = rng.normal(size=(512, 512))
-    shade = 1.0 + 0.05 * grain / grain.std() + 0.02 * fine
+    shade = 1.0 + 0.05 * grain / grain.std() + 0.02 * rng.normal(size=(512, 512))
     add_material(mujoco, spec, "table", np.clip(colour * shade[..., None], 0.0, 1.0), (1.0, 1.0))
     world = spec.worldbody
     table = world.add_body(name="table", pos=[0.0, -0.35, table_z - 0.02])

@@ -102,10 +102,10 @@ class PhysicsWorld(Device):
         """Raise DeviceFault if the physics was unstable: MuJoCo has then put everything back to its beginning."""
         for kind in (self.mujoco.mjtWarning.mjWARN_BADQVEL, self.mujoco.mjtWarning.mjWARN_BADQACC):
             if (bad := self.state.warning[kind]).number:
-                body = self.model.body(self.model.dof_bodyid[bad.lastinfo]).name
                 raise DeviceFault(
                     "world",
-                    f"the simulation became unstable at the body '{body}'; it shows nothing",
+                    "the simulation became unstable at the body "
+                    f"'{self.model.body(self.model.dof_bodyid[bad.lastinfo]).name}'; it shows nothing",
                 )
 
     def sensor(self, name: str) -> Float64:

@@ -82,11 +82,10 @@ class Closing:
         if any(touch) and (
             pushed > s.off_centre or estimate.stronger > s.watch.push_limit or at_end
         ):
-            side = ("left", "right")[touch[1]]
-            words = (
-                f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with"
+            message = (
+                f"only the {('left', 'right')[touch[1]]} finger touches: it pushed the fruit "
+                f"{1e3 * pushed:.1f} mm with {estimate.stronger:.1f} N"
             )
-            message = f"{words} {estimate.stronger:.1f} N"
             return self.fail(now.problem("ONE_FINGER", message, pushed=pushed, width=width))
         if at_end:
             words = f"no finger touched anything down to an opening of {1e3 * width:.1f} mm: the fruit has moved, or"

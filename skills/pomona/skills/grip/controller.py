@@ -296,8 +296,11 @@ class GripController:
         self._estimator.calibrate(samples)
         force = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
         if force > self.settings.bias.limit:
-            message = f"a finger reads {force:.1f} N before the fingers close: nothing may touch it"
-            self._fail("FORCE_LIMIT", message, felt_n=force)
+            self._fail(
+                "FORCE_LIMIT",
+                f"a finger reads {force:.1f} N before the fingers close: nothing may touch it",
+                felt_n=force,
+            )
         else:
             self._reference.close()
 

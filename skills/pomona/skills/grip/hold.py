@@ -177,10 +177,12 @@ class Hold:
             newest = max(self._controller.usable_until, self._started)
             age = self._now() - newest
             if age > STALE_AFTER:
-                message = (
-                    f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                return GripProblem(
+                    "SENSOR_STALE",
+                    f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is",
+                    newest,
+                    {"age_s": age},
                 )
-                return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
         return self._controller.problem or self._device_problem
 
     @property

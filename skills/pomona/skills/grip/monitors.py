@@ -233,8 +233,12 @@ class SensorFaultMonitor:
             return None
         left = now.estimate.left
         right = now.estimate.right
-        message = f"{self._sensors.reason}; the grip is kept"
-        return now.problem("SENSOR_FAULT", message, left_force_n=left, right_force_n=right)
+        return now.problem(
+            "SENSOR_FAULT",
+            f"{self._sensors.reason}; the grip is kept",
+            left_force_n=left,
+            right_force_n=right,
+        )
 
 
 class SaturationMonitor:
@@ -249,10 +253,11 @@ class SaturationMonitor:
             <= self._limits.saturated_after
         ):
             return None
-        message = (
-            "a finger's channel is at the end of its range; the force is neither raised nor lowered"
+        return now.problem(
+            "SENSOR_SATURATED",
+            "a finger's channel is at the end of its range; the force is neither raised nor lowered",
+            force_n=now.counted_force,
         )
-        return now.problem("SENSOR_SATURATED", message, force_n=now.counted_force)
 
 
 class GoneMonitor:
@@ -268,8 +273,11 @@ class GoneMonitor:
             <= self._limits.gone_after
         ):
             return None
-        message = f"the fruit is gone: {estimate.left:.2f} N and {estimate.right:.2f} N at {1e3 * now.width:.1f} mm"
-        return now.problem("LOST", message, width_m=now.width)
+        return now.problem(
+            "LOST",
+            f"the fruit is gone: {estimate.left:.2f} N and {estimate.right:.2f} N at {1e3 * now.width:.1f} mm",
+            width_m=now.width,
+        )
 
 
 class DeadFingerMonitor:
@@ -283,10 +291,12 @@ class DeadFingerMonitor:
             return None
         left = now.estimate.left
         right = now.estimate.right
-        message = (
-            f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept"
+        return now.problem(
+            "ONE_FINGER",
+            f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept",
+            left_force_n=left,
+            right_force_n=right,
         )
-        return now.problem("ONE_FINGER", message, left_force_n=left, right_force_n=right)
 
 
 class SlipMonitor:
@@ -317,10 +327,12 @@ class SlipMonitor:
         slip = max(self.slip, 0.0 if slides or pivots else self._slips.slipped)
         if slip <= self._slip_limit and beyond <= limits.beyond_after:
             return None
-        message = (
-            f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
+        return now.problem(
+            "SLIPPED",
+            f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N",
+            slip_m=slip,
+            least_force_n=needed,
         )
-        return now.problem("SLIPPED", message, slip_m=slip, least_force_n=needed)
 
 
 class NeededForceMonitor:
@@ -352,7 +364,9 @@ class FingerForceMonitor:
         right = now.estimate.right
         if max(left, right) <= 0.5 * self._max_force:
             return None
-        message = (
-            f"a finger reads {max(left, right):.1f} N, more than half of {self._max_force:.1f} N"
+        return now.problem(
+            "FORCE_LIMIT",
+            f"a finger reads {max(left, right):.1f} N, more than half of {self._max_force:.1f} N",
+            left=left,
+            right=right,
         )
-        return now.problem("FORCE_LIMIT", message, left=left, right=right)
