@@ -15,7 +15,8 @@ from pomona.executive.running.starting import RunResult
 
 
 def code(account: Account, success: str = "held", in_hand: str | None = "a fruit") -> str:
-    doubt = account.doubt(success, in_hand)
+    account.success = success
+    doubt = account.doubt(in_hand)
     return "" if doubt is None else doubt.code
 
 
@@ -48,16 +49,17 @@ def test_what_is_lacking_is_lacking_until_it_is_withdrawn() -> None:
 
 def test_the_largest_press_is_reported_and_one_beyond_the_limit_is_lacking() -> None:
     account = of(AccountEntry("held", "pads"), AccountEntry("the pads", "", 0.4))
+    account.success = "held"
     account.add(AccountEntry("its support", "2.9 N", 0.9), "pick/Release")
     assert code(account) == ""
-    assert account.report("held")["press"] == 0.9
-    assert account.report("held")["pressed"] == "Release: 2.9 N"
+    assert account.report()["press"] == 0.9
+    assert account.report()["pressed"] == "Release: 2.9 N"
     account.add(AccountEntry("its support", "pressed with 3.9 N", 1.33), "pick/Put into the crate")
     account.add(AccountEntry("its support", "pressed with 3.3 N", 1.11), "pick/Put into the crate")
-    doubt = account.doubt("held", "a fruit")
+    doubt = account.doubt("a fruit")
     assert doubt is not None
     assert doubt.message == "Put into the crate: pressed with 3.9 N"
-    assert account.report("held")["press"] == 1.33, "the figure of the sentence"
+    assert account.report()["press"] == 1.33, "the figure of the sentence"
 
 
 @pytest.mark.parametrize(

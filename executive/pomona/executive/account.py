@@ -39,8 +39,14 @@ class AccountEntry:
 
 @dataclass(slots=True)
 class Account:
-    """All entries of a run; `bruises`: number of presses beyond the limit."""
+    """All entries of a run.
 
+    Attributes:
+        success: word that the tree declares; empty: its end is its success, or nothing measures.
+        bruises: number of presses beyond the limit.
+    """
+
+    success: str = ""
     evidence: dict[str, list[str]] = field(default_factory=dict)
     lacking: dict[str, str] = field(default_factory=dict)
     press: float = 0.0
@@ -58,13 +64,18 @@ class Account:
         elif not entry.press:
             self.lacking[entry.about] = entry.words
 
-    def doubt(self, success: str, in_hand: str | None) -> Reason | None:
+    @property
+    def verified(self) -> float:
+        """How often the success was measured; nan without a word for it."""
+        return len(self.evidence.get(self.success, ())) if self.success else float("nan")
+
+    def doubt(self, in_hand: str | None) -> Reason | None:
         """Return why a tree that succeeded has not done its task, or not all of it; None: it has.
 
         Args:
-            success: the word that the tree declares; empty: its end is its success.
             in_hand: description of a held object; None in a cell without a hand.
         """
+        success = self.success
         lacking = [words for words in self.lacking.values() if words]
         if self.press > 1.0:
             lacking.append(self.pressed)
@@ -80,13 +91,13 @@ class Account:
             return Reason("", "UNVERIFIED", words)
         return None
 
-    def report(self, success: str) -> Mapping[str, Any]:
+    def report(self) -> Mapping[str, Any]:
         """Return plain values: the success with its newest evidence, how many there are, the largest press."""
-        found = self.evidence.get(success) or self.evidence.get(NOTHING_LEFT, [])
+        found = self.evidence.get(self.success) or self.evidence.get(NOTHING_LEFT, [])
         return {
-            "success": success,
-            "count": len(self.evidence.get(success, ())),
-            "evidence": found[-1] if success and found else "",
+            "success": self.success,
+            "count": self.verified if self.success else 0,
+            "evidence": found[-1] if self.success and found else "",
             "press": self.press,
             "pressed": self.pressed,
         }

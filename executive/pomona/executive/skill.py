@@ -150,7 +150,9 @@ class SkillContext(Protocol):
 
     @property
     def lacking(self) -> tuple[Any, ...]:
-        """What the task lacks so far: number of presses beyond a fruit's limit, then words."""
+        """How often the task's success was measured so far (nan: it declares none), then what it lacks: number of presses
+        beyond a fruit's limit, and words.
+        """
 
     def device(self, interface: type[T], skill: Skill) -> T:
         """Return the skill's handle of the cell's device with this interface; commands need an acquired device.

@@ -53,7 +53,7 @@ class BenchContext:
     computing: int = 0
     computations: list[_Finished] = field(default_factory=list)
     published: list[tuple[str, object]] = field(default_factory=list)
-    lacking: tuple[Any, ...] = (0,)
+    lacking: tuple[Any, ...] = (float("nan"), 0)
     halting: list[tuple[Skill, Work[Any]]] = field(default_factory=list)
     refused: list[NotOwnerError] = field(default_factory=list)
 

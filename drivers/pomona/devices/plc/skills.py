@@ -24,7 +24,7 @@ from pomona.executive import (
 _OFF: WeakKeyDictionary[object, dict[str, float]] = WeakKeyDictionary()
 """By the run's clock: when each input was last seen off [s]."""
 _LACKED: WeakKeyDictionary[object, tuple[object, ...]] = WeakKeyDictionary()
-"""By the run's clock: what the task lacked at the last SetPartial."""
+"""By the run's clock: what the task lacked at the last SetPartial, as `lacking`."""
 
 
 class SignalLook(NamedTuple):
@@ -221,7 +221,7 @@ class SetSignal(OutputSkill):
 
 
 class SetPartial(OutputSkill):
-    """Set an output on if the task lacks something more since the last SetPartial ("done in part"), else off.
+    """Set an output on if since the last SetPartial the task lacks something more, or no success was measured; else off.
 
     It lacks fruit that was left, passed or pressed beyond its limit; the output stays until it is set again.
     """
@@ -230,10 +230,11 @@ class SetPartial(OutputSkill):
         self,
         signal: Annotated[str, Port(help="name of an output in the cell file")],
     ) -> Work[None]:
-        lacking = self.context.lacking
-        before = _LACKED.get(self.clock, (0,))
-        _LACKED[self.clock] = lacking
-        yield from self.accepted(signal, not set(before).issuperset(lacking), TAKEN)
+        verified, *lacking = self.context.lacking
+        before = _LACKED.get(self.clock, (0, 0))
+        _LACKED[self.clock] = (verified, *lacking)
+        more = verified == before[0] or not set(before[1:]).issuperset(lacking)
+        yield from self.accepted(signal, more, TAKEN)
 
 
 class Handshake(SignalSkill):

@@ -196,10 +196,12 @@ class _Checker:
 
         def unset(node: TreeNode, read: Read) -> None:
             named = scope.names[read.name]
-            line = named.where.line
-            message = f"{node.label} reads '{read.name}', which may not be written yet ({named.by} writes it, line {line})"
             self.findings.error(
-                read.where, "unset", message, "it must be written on every path that leads here"
+                read.where,
+                "unset",
+                f"{node.label} reads '{read.name}', which may not be written yet"
+                f" ({named.by} writes it, line {named.where.line})",
+                "it must be written on every path that leads here",
             )
 
         ends = Flow(self.analysis.resolved, self.outcomes, unset).node(
@@ -215,11 +217,11 @@ class _Checker:
                 self.findings.error(declared.key, "unwritten", message, hint)
                 continue
             if port is not None and not can_flow(written.type, port.type):
-                said = describe(port.type)
-                found = describe(written.type)
-                message = f"output '{name}' is declared as {said}, {written.by} writes {found}"
                 self.findings.error(
-                    declared.key, "port-type", f"{message} (line {written.where.line})"
+                    declared.key,
+                    "port-type",
+                    f"output '{name}' is declared as {describe(port.type)}, {written.by} writes"
+                    f" {describe(written.type)} (line {written.where.line})",
                 )
             if name not in ends.success:
                 message = (

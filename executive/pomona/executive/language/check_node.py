@@ -78,8 +78,11 @@ class NodeChecker:
         """Report a name that another node has already."""
         first = self.named.setdefault(name.text, name)
         if first is not name:
-            message = f"'{name.text}' is the name of another node already (line {first.line})"
-            self.findings.error(name, "duplicate-name", message)
+            self.findings.error(
+                name,
+                "duplicate-name",
+                f"'{name.text}' is the name of another node already (line {first.line})",
+            )
 
     # --------------------------------------------------------------------------------------- who writes what
 
@@ -214,8 +217,11 @@ class LayerCheck(LayerAt[NodeChecker]):
     def elements(self, slot: str, written: YamlNode) -> None:
         value = self.reader.value(slot, written, Port(object), self.around, slot)
         if isinstance(value, ComputedValue) and element_type(value.type) is None:
-            message = f"{slot} takes a list, '{value.text}' is {describe(value.type)}"
-            self.findings.error(written, "port-type", message)
+            self.findings.error(
+                written,
+                "port-type",
+                f"{slot} takes a list, '{value.text}' is {describe(value.type)}",
+            )
         elif isinstance(value, Given) and not isinstance(value.value, (list, tuple)):
             self.findings.error(
                 written, "value", f"{slot} takes a list", 'wire one: "{candidates.grasps}"'
@@ -302,8 +308,12 @@ class LayerCheck(LayerAt[NodeChecker]):
         known = [*inputs, *outputs]
         modifier = self.whole.words.get(name)
         if modifier is not None and modifier.role == "modifier":
-            message = f"'{name}' is a modifier: write it beside {who}, at column {node.key.column}, and not in it"
-            self.findings.error(key, "unknown-port", message, edits=_moved_out(node, key, value))
+            self.findings.error(
+                key,
+                "unknown-port",
+                f"'{name}' is a modifier: write it beside {who}, at column {node.key.column}, and not in it",
+                edits=_moved_out(node, key, value),
+            )
             return ""
         if report_removed(self.findings, key, "port", f"{who}.{name}"):
             return ""
@@ -321,8 +331,7 @@ class LayerCheck(LayerAt[NodeChecker]):
         if new in self.node.ports:
             other = self.node.ports[new][1]
             hint = f"keep {written(value)}, or {written(other)} of '{new}' in line {other.line}"
-        message = f"{self.node.key.text} has no port '{key.text}'"
-        self.findings.error(key, "removed", message, hint)
+        self.findings.error(key, "removed", f"{self.node.key.text} has no port '{key.text}'", hint)
 
     # --------------------------------------------------------------------------------------- names
 

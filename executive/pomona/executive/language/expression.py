@@ -221,8 +221,12 @@ def _tokenize(text: str) -> list[_Token]:
             sign = next(
                 (sign for sign in _ELSEWHERE if text.startswith(sign, offset)), text[offset]
             )
-            message = f"'{sign}' means nothing in an expression"
-            raise ExpressionSyntaxError(message, offset, len(sign), _ELSEWHERE.get(sign, ""))
+            raise ExpressionSyntaxError(
+                f"'{sign}' means nothing in an expression",
+                offset,
+                len(sign),
+                _ELSEWHERE.get(sign, ""),
+            )
         kind = match.lastgroup or ""
         unit = match.group("unit")
         if kind == "unit":
@@ -393,8 +397,7 @@ class _Parser:
             )
         if self.at("("):
             if token.text not in FUNCTIONS:
-                known = ", ".join(FUNCTIONS)
-                message = f"no function '{token.text}'; there are {known}"
+                message = f"no function '{token.text}'; there are {', '.join(FUNCTIONS)}"
                 raise ExpressionSyntaxError(message, token.offset, len(token.text))
             self.take()
             arguments, end = self.listed(")", f"after the arguments of {token.text}")

@@ -256,8 +256,7 @@ class _Reader:
                 fields.get("max"),
             )
             if "type" not in fields.entries:
-                word = type_word(declared.default)
-                hint = f"write '{key.text}: {{type: {word or '…'}, …}}'"
+                hint = f"write '{key.text}: {{type: {type_word(declared.default) or '…'}, …}}'"
                 self.findings.error(key, "missing-key", f"{what} needs a type", hint)
             choices = fields.get("choices")
             if isinstance(choices, YamlList):

@@ -192,8 +192,11 @@ class AskType(Leaf):
                 at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'"
             )
         if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
-            message = f"the default '{default}' is not one of the choices: {', '.join(choices)}"
-            at.findings.error(written, "value", message)
+            at.findings.error(
+                written,
+                "value",
+                f"the default '{default}' is not one of the choices: {', '.join(choices)}",
+            )
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         entry = node.entry(self, "choices")

@@ -92,9 +92,8 @@ class NodeTypes(Mapping[str, NodeType]):
                 raise NodeTypeError(f"node type {cls.__name__}: the word '{word}' is taken")
         for name in made.other_names:
             if name in self._elsewhere:
-                owner = self._elsewhere[name].key
                 raise NodeTypeError(
-                    f"node type {cls.__name__}: the name '{name}' belongs to '{owner}'"
+                    f"node type {cls.__name__}: the name '{name}' belongs to '{self._elsewhere[name].key}'"
                 )
         if isinstance(made, Modifier):
             self.modifiers.insert(self._place(made), made)

@@ -39,8 +39,11 @@ class SequenceType(Composite):
             at.node.children, outcomes, at.node.children[1:], strict=False
         ):
             if not (outcome.succeeds or outcome.skips):
-                message = f"{child.label} is never reached: {before.label} cannot succeed"
-                at.findings.warning(child.key, "unreachable", message)
+                at.findings.warning(
+                    child.key,
+                    "unreachable",
+                    f"{child.label} is never reached: {before.label} cannot succeed",
+                )
                 break
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -146,9 +149,11 @@ class ParallelType(Composite):
             for device, label in at.devices(index).items():
                 first, other = users.setdefault(device, (index, label))
                 if first != index:
-                    message = f"{label} moves the {device}, and so does {other}, in parallel: one of them waits"
                     at.findings.warning(
-                        child.key, "one-device", message, "put both into a sequence"
+                        child.key,
+                        "one-device",
+                        f"{label} moves the {device}, and so does {other}, in parallel: one of them waits",
+                        "put both into a sequence",
                     )
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:

@@ -178,10 +178,9 @@ class Timeout(Timed):
             return status
         tip = self.decorated.tip() or self.decorated
         doing = f": {tip.feedback_message}" if tip.feedback_message else ""
-        message = f"{tip.name} was still running after {self._limit:g} s{doing}"
         return self.fails(
             "TIMEOUT",
-            message,
+            f"{tip.name} was still running after {self._limit:g} s{doing}",
             limit=self._limit,
             running=path_of(tip),
             feedback=tip.feedback_message,

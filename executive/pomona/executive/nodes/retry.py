@@ -182,8 +182,12 @@ class RetryType(Modifier):
         codes = at.outcomes.inside().codes
         if not codes:
             key = at.node.modifiers[self.key][0]
-            message = f"'retry' around {at.node.label}, which cannot fail"
-            at.findings.warning(key, "cannot-fail", message, "leave the retry out")
+            at.findings.warning(
+                key,
+                "cannot-fail",
+                f"'retry' around {at.node.label}, which cannot fail",
+                "leave the retry out",
+            )
         written = at.written("retry_if")
         if written is not None:
             at.condition("retry_if", written, self.after(at))
@@ -256,8 +260,12 @@ class Fallback(Branch):
         causes = tuple(self._causes)
         if len(causes) < 2:
             return from_causes(self, causes)
-        message = f"none of {len(causes)} alternatives succeeded; the last: {causes[-1].message}"
-        return Reason(path_of(self), causes[-1].code, message, causes=causes)
+        return Reason(
+            path_of(self),
+            causes[-1].code,
+            f"none of {len(causes)} alternatives succeeded; the last: {causes[-1].message}",
+            causes=causes,
+        )
 
     def tick(self) -> Iterator[Behaviour]:
         children = self.children
@@ -314,8 +322,11 @@ class FallbackType(Composite):
         codes = NO_CODES
         failed = at.node.children[index - 1].label
         if not (before.codes or before.skips):
-            message = f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
-            at.findings.warning(at.node.children[index].key, "unreachable", message)
+            at.findings.warning(
+                at.node.children[index].key,
+                "unreachable",
+                f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail",
+            )
         while index and before.skips:
             codes = codes | before.codes
             index = index - 1

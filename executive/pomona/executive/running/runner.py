@@ -152,6 +152,7 @@ class Runner(Requests):
         self.board = Board(cell.clock)
         self.board.subscribe(self._written)
         self.tree = build(viewed(self.context, SkillContext), self.board)
+        self._declare()
         self._speed, self._repeated = speed, deque(speeds)
         self._changed_files, self._takeovers = take_over, dict[str, Takeover]()
         self._refuse_full_speed_only(self.tree)
@@ -413,6 +414,7 @@ class Runner(Requests):
         before = self.tree
         try:
             self.tree = self._takeovers[lines].apply(before)
+            self._declare()
         except ReloadRefusedError as error:  # another change of the file was taken over meanwhile
             self._emit(OperatorActed(*self.progress, who, "too_late", f"reload, {error}"))
             return
@@ -702,15 +704,18 @@ class Runner(Requests):
                 )
             )
 
+    def _declare(self) -> None:
+        # mocks measure nothing
+        self.context.account.success = self.tree.success if self._cell.devices else ""
+
     def _result(self, wall: float) -> RunResult:
         outcome = {
             RunState.SUCCEEDED: "success",
             RunState.FAILED: "failure",
             RunState.STOPPED: "stopped",
         }.get(self._state, "error")
-        success = self.tree.success if self._cell.devices else ""  # mocks measure nothing
         if outcome == "success":
-            self._reason = self.context.account.doubt(success, self._cell.in_hand())
+            self._reason = self.context.account.doubt(self._cell.in_hand())
             outcome = "success" if self._reason is None else "partial"
         if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
             outcome = "stopped"
@@ -724,7 +729,7 @@ class Runner(Requests):
             self.context.elapsed(),
             wall,
             truth,
-            self.context.account.report(success),
+            self.context.account.report(),
             self._interrupted,
         )
 

@@ -329,7 +329,8 @@ class RunContext:
     @property
     def lacking(self) -> tuple[Any, ...]:
         """See `SkillContext`."""
-        return self.account.bruises, *filter(None, self.account.lacking.values())
+        account = self.account
+        return account.verified, account.bruises, *filter(None, account.lacking.values())
 
     @property
     def clock(self) -> Clock:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from py_trees.common import Status
@@ -156,32 +157,47 @@ def test_an_output_is_set_and_stays(plc: MockSignals, clock: ManualClock) -> Non
     assert plc.read("busy").value is False
 
 
-def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_one_is_not(
-    plc: MockSignals, clock: ManualClock
-) -> None:
+def told_of_orders(
+    plc: MockSignals, clock: ManualClock, account: Account, orders: Any
+) -> list[Any]:
+    """What SetPartial tells after each order, of which each is a press, what it lacks, and its evidence."""
     context = BenchContext(clock, {Signals: plc})
-    account = Account()
     skill = SetPartial()
     skill.bind(context, "SetPartial", lambda: {"signal": "busy"}, {}.__setitem__)
     told = []
-    for press, lacking in (
-        (0.9, ""),
-        (1.2, ""),
-        (0.5, ""),
-        (1.1, ""),
-        (0.5, "left"),
-        (0.5, "left"),
-    ):
+    for press, lacking, evidence in orders:
         account.add(AccountEntry("the pads", "pressed", press))
         account.add(AccountEntry("fruit 1", lacking))
-        context.lacking = account.bruises, *filter(None, account.lacking.values())
+        if evidence:
+            account.add(AccountEntry(evidence, "pads 2.0 N"))
+        context.lacking = (
+            account.verified,
+            account.bruises,
+            *filter(None, account.lacking.values()),
+        )
         skill.tick_once()
         while skill.status is Status.RUNNING:
             clock.advance(0.02)
             skill.tick_once()
         assert skill.status is Status.SUCCESS
         told.append(plc.read("busy").value)
+    return told
+
+
+def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_one_is_not(
+    plc: MockSignals, clock: ManualClock
+) -> None:
+    orders = [(p, "", "") for p in (0.9, 1.2, 0.5, 1.1)] + [(0.5, "left", ""), (0.5, "left", "")]
+    told = told_of_orders(plc, clock, Account(), orders)
     assert told == [False, True, False, True, True, False]
+
+
+def test_an_order_whose_success_nothing_measured_is_told_as_done_in_part(
+    plc: MockSignals, clock: ManualClock
+) -> None:
+    orders = [(0.5, "", evidence) for evidence in ("put_away", "held", "put_away", "", "put_away")]
+    told = told_of_orders(plc, clock, Account("put_away"), orders)
+    assert told == [False, True, False, True, False]
 
 
 def test_an_output_that_the_plc_does_not_take_fails_at_its_deadline(
