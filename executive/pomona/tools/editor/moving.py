@@ -1,74 +1,39 @@
-"""Nodes put in, taken out, wrapped, unwrapped and doubled, as changes of the text."""
+"""Nodes put in, taken out and carried, as changes of the text."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from pomona.executive.nodes import takes
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
-from pomona.tools.editor.format import STEP
-from pomona.tools.editor.patching import (
-    LiftedNode,
-    Snippet,
-    TextPatch,
-    in_braces,
-    indented,
-    lift,
-    read_snippet,
-)
+from pomona.tools.editor.meaning import content_of
+from pomona.tools.editor.patching import TextPatch
+from pomona.tools.editor.snippets import Snippet, braced, quoted, snippet_of
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
-
-
-@dataclass(frozen=True, slots=True)
-class CarriedNode:
-    """A node on its way into a place."""
-
-    lifted: LiftedNode
-    flow: Callable[[], str]  # on one line in braces; raises EditError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodePlaceToFill:
-    """A place for a node: an index of a list, or a word beside other words."""
+    """A place for a node: an index of a list that has items, or a word of a mapping."""
 
-    parent: str  # address of the node around it; of a root the prefix of its tree
-    at: YamlMapping  # the mapping that holds the list or gets the word
-    word: str  # before the list, or before the node
-    index: int | None  # in the list; None without one
-    cases: str = ""  # the word whose mapping of cases gets the word
-
-    @property
-    def items(self) -> YamlList | None:
-        """The list, when it is written as one."""
-        found = self.at.get(self.word)
-        return found if isinstance(found, YamlList) else None
+    at: YamlMapping | YamlList
+    word: str = ""
+    index: int = 0
+    lead: str = ""  # before the node in the new value of the word: the dash of a list, a word
 
 
 def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePlaceToFill:
     """Return the place that an edit names. Raises EditError: no node can stand there."""
     if into == "" or into.endswith(":"):
-        at = tree.subtrees().get(into[:-1]) if into else tree.top
-        if at is None or f"{into}root" in tree.nodes:
-            raise EditError(
-                "there is a root already"
-                if at is not None
-                else f"there is no subtree '{into[:-1]}'",
-                into,
-            )
-        return NodePlaceToFill(into, at, "root", None)
+        return _root(tree, into)
     node = tree.node(into)
     at = node.mapping
     kind = node.kind
     assert kind is not None
     word = node.type_key.text if kind.value.nodes else ""
     if isinstance(kind.value, takes.Children) and slot in ("", word):
-        items = at.get(word)
-        count = len(items.items) if isinstance(items, YamlList) else 0
-        if not 0 <= index <= count:
-            raise EditError(f"it has {count} children; {index} is no place among them", into)
-        return NodePlaceToFill(into, at, word, index)
+        return _of_list(node, at, index)
     beside = {
         **kind.fields,
         **{w: f for m in tree.types.modifiers if m.key in at.entries for w, f in m.fields.items()},
@@ -84,13 +49,45 @@ def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePl
         slot = slot or free[0]
         if slot not in free:
             raise EditError(f"'{slot}' holds a node already", into)
-        return NodePlaceToFill(into, at, slot, None)
+        return NodePlaceToFill(at, slot)
     if slot and cases:
         found = at.get(cases)
-        if isinstance(found, YamlMapping) and slot in found.entries:
+        if not isinstance(found, YamlMapping) or not found.entries:
+            return NodePlaceToFill(at, cases, lead=f"{quoted(slot)}:")
+        if slot in found.entries:
             raise EditError(f"the case '{slot}' holds a node already", into)
-        return NodePlaceToFill(into, at, slot, None, cases)
+        return NodePlaceToFill(found, slot)
     raise EditError(_no_place(node, cases, slot), into)
+
+
+def _root(tree: WrittenTree, into: str) -> NodePlaceToFill:
+    """Return the place of the root of the file, or of one of its subtrees."""
+    at = tree.subtrees().get(into[:-1]) if into else tree.top
+    if at is None:
+        raise EditError(f"there is no subtree '{into[:-1]}'", into)
+    if f"{into}root" in tree.nodes:
+        raise EditError("there is a root already", into)
+    if into and tree.is_flow(at) and not at.entries:
+        assert tree.top is not None
+        subtrees = tree.top.get("subtrees")
+        assert isinstance(subtrees, YamlMapping)
+        return NodePlaceToFill(subtrees, into[:-1], lead="root:")
+    return NodePlaceToFill(at, "root")
+
+
+def _of_list(node: WrittenNode, at: YamlMapping, index: int) -> NodePlaceToFill:
+    """Return a place among the children of a node."""
+    word = node.type_key.text
+    items = at.entries[word][1]
+    count = len(items.items) if isinstance(items, YamlList) else 0
+    if not 0 <= index <= count:
+        message = f"it has {count} children; {index} is no place among them"
+        raise EditError(message, node.id)
+    if isinstance(items, YamlList) and count:
+        return NodePlaceToFill(items, index=index)
+    if isinstance(items, YamlMapping) or (isinstance(items, YamlScalar) and not items.is_null):
+        raise EditError(f"'{word}' holds no list; edit it as text", node.id)
+    return NodePlaceToFill(at, word, lead="- ")
 
 
 def _no_place(node: WrittenNode, cases: str, slot: str) -> str:
@@ -104,150 +101,75 @@ def _no_place(node: WrittenNode, cases: str, slot: str) -> str:
     )
 
 
-def carried(patch: TextPatch, node: WrittenNode) -> CarriedNode:
-    """Return a node of the tree, to be put elsewhere."""
-
-    def flow() -> str:
-        if lifted.comments or any(row in patch.tree.source.comments for row in rows):
-            raise EditError("it has comments, for which braces on one line have no place", node.id)
-        return braced(in_braces(patch.tree, node.at))
-
-    lifted = lift(patch, node)
-    rows = range(node.at.line, patch.tree.row(patch.tree.end(node.at)) + 2)
-    rows = rows if not patch.tree.stands_in_flow(node) else range(0)
-    return CarriedNode(lifted, flow)
-
-
-def brought(snippet: Snippet) -> CarriedNode:
-    """Return a node that comes from outside."""
-    return CarriedNode(snippet.lifted(), lambda: braced(snippet.flow()))
-
-
-def braced(text: str) -> str:
-    """Return a node in braces."""
-    return text if text.startswith("{") else f"{{{text}}}"
+def lift(patch: TextPatch, node: WrittenNode, *, word: bool = True) -> Snippet:
+    """Return a node with its comments, as it stands; those of the word before it only where the word goes, too."""
+    tree = patch.tree
+    at = node.at
+    column = " " * (at.column - 1)
+    if tree.stands_in_flow(node) or not (word or on_its_lines(tree, node)):
+        raw = tree.raw(at)
+        text = raw if isinstance(at, YamlScalar) else column + braced(raw)
+        return snippet_of(re.split(r"\r\n|[\n\r]", text), tree)
+    first, head, last = patch.rows_of(node, word=word)
+    comments = [tree.line(row).strip() for row in range(first, head)]
+    behind = [row for row in range(head, at.line - 1) if row + 1 in tree.source.comments]
+    comments += [tree.text[tree.comment_start(row) : tree.line_end(row)].rstrip() for row in behind]
+    lines = [
+        column + tree.text[tree.start(at) : tree.line_end(at.line - 1)],
+        *(tree.line(row) for row in range(at.line, last + 1)),
+    ]
+    return snippet_of([*comments, *lines], tree)
 
 
-# ----------------------------------------------------------------------------------------------------- put in
+def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
+    """Return True if a node stands on lines of its own, in no braces and behind no key."""
+    if tree.stands_in_flow(node):
+        return False
+    if isinstance(node.holder, YamlList):
+        return True
+    return node.at.line > node.holder.entries[str(node.path[-1])][0].line
 
 
 def put(
-    patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: WrittenNode | None = None
+    patch: TextPatch, place: NodePlaceToFill, node: Snippet, leaving: WrittenNode | None = None
 ) -> None:
     """Put a node into a place; `leaving` is the one that is taken out of the same text."""
-    if place.index is None:
-        _put_below_word(patch, place, node)
+    if isinstance(place.at, YamlMapping):
+        patch.set_entry(place.at, place.word, node.inside(place.lead) if place.lead else node)
         return
     tree = patch.tree
-    items = place.items
-    if items is None or not items.items:
-        _put_first(patch, place, node)
-        return
-    gone = next(
-        (n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at),
-        None,
-    )
-    index = place.index + (gone is not None and place.index >= gone)
-    if tree.is_flow(items):
-        if index < len(items.items):
-            at = tree.start(items.items[index])
-            patch.replace(at, at, f"{node.flow()}, ")
+    items = place.at.items
+    index = place.index
+    if leaving is not None and leaving.at in items[: index + 1]:
+        index += 1
+    patch.content[id(place.at)].insert(index, content_of(node.at))
+    if tree.is_flow(place.at):
+        if index < len(items):
+            at = tree.start(items[index])
+            patch.replace(at, at, f"{braced(node.flow())}, ")
         else:
-            patch.add_in_flow(items, node.flow())
+            patch.add_in_flow(place.at, braced(node.flow()))
         return
-    lines = node.lifted.indented(items.column + 1, "- ")
-    if index < len(items.items):
-        patch.insert_lines(patch.item_rows(items, index)[0], lines)
+    lines = node.indented(place.at.column + 1, "- ")
+    if index < len(items):
+        patch.insert_lines(patch.item_rows(place.at, index)[0], lines)
     else:
-        patch.insert_lines(patch.item_rows(items, index - 1)[2] + 1, lines)
+        patch.insert_lines(patch.item_rows(place.at, index - 1)[2] + 1, lines)
 
 
-def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
-    """Put the first node into a list that is empty or not written."""
+def put_in_place_of(patch: TextPatch, node: WrittenNode, new: Snippet) -> None:
+    """Put another node in the place of a node, whose comments are in the new one."""
     tree = patch.tree
-    entry = place.at.entries.get(place.word)
-    assert entry is not None
-    key, value = entry
-    if not (isinstance(value, YamlList) or (isinstance(value, YamlScalar) and value.is_null)):
-        raise EditError(f"'{place.word}' holds no list; edit it as text", place.parent)
-    if tree.is_flow(place.at) or id(place.at) in tree.pairs:
-        patch.set_value(place.at, key, value, read_snippet(f"[{node.flow()}]", "the node", tree))
+    patch.content[id(node.holder)][node.path[-1]] = content_of(new.at)
+    if not on_its_lines(tree, node):
+        patch.replace(tree.start(node.at), tree.end(node.at), braced(new.flow()))
         return
-    colon = patch.after_colon(key)
-    if colon is None or tree.row(tree.end(value)) != key.line - 1:
-        raise EditError(
-            f"'{place.word}' holds an empty list on several lines; edit it as text", place.parent
-        )
-    patch.replace(colon, tree.end(value), "")
-    patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + 2 * STEP, "- "))
-
-
-def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
-    """Put a node below a word: `then`, `on_failure`, a case, `root`."""
-    tree = patch.tree
-    at = place.at
-    word = quoted(place.word)
-    if place.cases:
-        found = at.get(place.cases)
-        if not isinstance(found, YamlMapping) or not found.entries:
-            if tree.is_flow(at):
-                patch.set_entry(
-                    at, place.cases, read_snippet(f"{{{word}: {node.flow()}}}", "the node", tree)
-                )
-            elif found is None:
-                lines = [f"{place.cases}:", f"{' ' * STEP}{word}:", *node.lifted.indented(2 * STEP)]
-                patch.add_entry(at, lines)
-            else:
-                key = at.entries[place.cases][0]
-                text = "\n".join([f"{word}:", *node.lifted.indented(STEP)])
-                patch.set_value(at, key, found, read_snippet(text, "the node", tree))
-            return
-        at = found
-    if (
-        tree.is_flow(at) and not at.entries and place.parent.endswith(":")
-    ):  # a subtree without anything
-        key = _subtree_key(tree, place.parent[:-1])
-        patch.replace(patch.after_colon(key) or tree.end(key), tree.end(at), "")
-        lines = [" " * STEP + f"{word}:", *node.lifted.indented(2 * STEP)]
-        patch.insert_lines(key.line, indented(lines, key.column - 1))
-        return
-    if tree.is_flow(at):
-        patch.add_in_flow(at, f"{word}: {node.flow()}")
-        return
-    if place.word in at.entries:  # `root:` without a node
-        key = at.entries[place.word][0]
-        patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + STEP))
-        return
-    lines = [f"{word}:", *node.lifted.indented(STEP)]
-    below = at.entries.get("subtrees") if at is tree.top else None
-    if below is None:
-        patch.add_entry(at, lines)
+    first, _, last = patch.rows_of(node, word=False)
+    if isinstance(node.holder, YamlList):
+        patch.insert_lines(first, new.indented(node.holder.column + 1, "- "))
     else:
-        lines = [*indented(lines, at.column - 1), ""]
-        patch.insert_lines(patch.entry_rows(*below)[0], lines)
-
-
-def _subtree_key(tree: WrittenTree, name: str) -> YamlScalar:
-    found = tree.top.get("subtrees") if tree.top is not None else None
-    assert isinstance(found, YamlMapping)
-    return found.entries[name][0]
-
-
-_PLAIN = re.compile(r"[A-Za-z_µ°/(][^:#,\[\]{}\"'\n\t]*")
-
-
-def quoted(text: str) -> str:
-    """Return a text as YAML, in quotes when it needs them."""
-    plain = _PLAIN.fullmatch(text) and text == text.strip() and text not in ("null", "~")
-    if plain:
-        return text
-    escaped = (
-        text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
-    )
-    return f'"{escaped}"'
-
-
-# ----------------------------------------------------------------------------------------------------- take out
+        patch.insert_lines(first, new.indented(node.at.column - 1))
+    patch.delete_lines(first, last)
 
 
 def take_out(patch: TextPatch, node: WrittenNode) -> None:
@@ -256,16 +178,20 @@ def take_out(patch: TextPatch, node: WrittenNode) -> None:
     Raises EditError: its place may not be empty."""
     tree = patch.tree
     holder = node.holder
+    beside = patch.content[id(holder)]
     if isinstance(holder, YamlMapping):
         word = str(node.path[-1])
         if node.parent and tree.node(node.parent).type_key.text == word:
             raise EditError("the condition belongs to its node; give it another one", node.id)
-        if len(holder.entries) == 1:
-            _empty(patch, holder, *holder.entries[word])
-        else:
+        if len(holder.entries) > 1:
             patch.remove_entry(holder, word)
+        else:
+            beside.clear()
+            _empty(patch, holder, *holder.entries[word])
         return
     index = holder.items.index(node.at)
+    gone = patch.content[id(node.at)]
+    del beside[[part is gone for part in beside].index(True)]
     if tree.is_flow(holder):
         spans = [(tree.start(item), tree.end(item)) for item in holder.items]
         patch.remove_in_flow(holder, spans, index)

@@ -1,66 +1,36 @@
-"""Changes of a tree file's text: lines and values taken out and put in; everything else stays byte for byte."""
+"""Changes of a tree file: of its text, and beside it of the content as which the new text must read."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pomona.executive.values.findings import Findings, Source
-from pomona.executive.values.yaml_nodes import (
-    YamlList,
-    YamlMapping,
-    YamlNode,
-    YamlScalar,
-    read_yaml,
-)
-from pomona.tools.editor.format import STEP
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from pomona.tools.editor.meaning import Content, content_of
+from pomona.tools.editor.snippets import Snippet, indented, quoted
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree, values_in
 
-IN_FLOW = re.compile(r"[,\[\]{}]")  # characters that end a plain text in braces
+SECTIONS = ("parameters", "root", "subtrees")
+"""Words at the top of a file whose order is kept, with a blank line behind a new one."""
 _COLON = re.compile(r"[ \t]*:(?=\s|$|[,\[\]{}\"'])")
-
-
-@dataclass(frozen=True, slots=True)
-class LiftedNode:
-    """A node taken out of its place: lines without the indentation of its first line, and the comments above it."""
-
-    comments: tuple[str, ...]
-    lines: tuple[str, ...]
-    column: int  # in which the first line began
-
-    def indented(self, column: int, lead: str = "") -> list[str]:
-        """Return its lines for a place: the first character stands in this column, behind `lead`."""
-        left = column - len(lead)
-        rest = [shifted(line, column - self.column) for line in self.lines[1:]]
-        return [
-            *(" " * left + comment for comment in self.comments),
-            " " * left + lead + self.lines[0],
-            *rest,
-        ]
-
-
-def shifted(line: str, by: int) -> str:
-    """Return a line with more or less indentation. Raises EditError: a tab indents it."""
-    bare = line.lstrip(" ")
-    if by and bare[:1] == "\t":
-        raise EditError("a tab indents a line of this node; replace it by spaces")
-    return " " * max(0, len(line) - len(bare) + by) + bare if line else line
-
-
-def indented(lines: Sequence[str], column: int) -> list[str]:
-    """Return lines further to the right; empty ones stay empty."""
-    return [" " * column + line if line else line for line in lines]
 
 
 @dataclass(slots=True, eq=False)
 class TextPatch:
-    """Changes of one text that ends with a line break, all given by places in the text before."""
+    """Changes of one text that ends with a line break, all given by places in the text before.
+
+    Lines and values are taken out and put in; everything else stays byte for byte.
+    """
 
     tree: WrittenTree
     changes: list[tuple[int, int, str]] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)  # comments that are taken out on purpose
+    meant: Content = field(init=False)  # the content of the new text
+    content: dict[int, Content] = field(default_factory=dict)  # of each part, by its id
+
+    def __post_init__(self) -> None:
+        self.meant = content_of(self.tree.top, self.content)
 
     def result(self) -> str:
         """Return the text with all changes. Raises EditError: two of them overlap."""
@@ -141,12 +111,16 @@ class TextPatch:
         last = max(tree.row(tree.end(value)), tree.row(tree.end(key)))
         return first, row, self.trailing(last, key.column - 1)
 
-    def rows_of(self, node: WrittenNode) -> tuple[int, int, int]:
-        """Return the lines of a node: the first comment's, the dash's or the key's, the last."""
+    def rows_of(self, node: WrittenNode, *, word: bool = True) -> tuple[int, int, int]:
+        """Return the lines of a node: the first comment's, the dash's or the key's, the last; or those below its word."""
         step = node.path[-1]
         if isinstance(node.holder, YamlList):
             return self.item_rows(node.holder, int(step))
-        return self.entry_rows(*node.holder.entries[str(step)])
+        first, row, last = self.entry_rows(*node.holder.entries[str(step)])
+        if not word:
+            row = node.at.line - 1
+            first = self.leading(row, node.at.column - 1)
+        return first, row, last
 
     def after_colon(self, key: YamlScalar) -> int | None:
         """Return the offset behind the colon of a key; None when it has none (`{Beep}`)."""
@@ -156,22 +130,32 @@ class TextPatch:
     # ------------------------------------------------------------------------------------------------- entries
 
     def set_entry(self, at: YamlMapping, word: str, value: Snippet) -> None:
-        """Give a key of a mapping a value; a new key comes last."""
+        """Give a key of a mapping a value; a new key comes last, but for the sections of a file."""
         entry = at.entries.get(word)
+        self.content[id(at)][word] = content_of(value.at)
         if entry is not None:
             self.set_value(at, *entry, value)
         elif self.tree.is_flow(at):
-            self.add_in_flow(at, f"{word}: {value.flow()}")
+            self.add_in_flow(at, f"{quoted(word)}: {value.flow()}")
         elif id(at) in self.tree.pairs:
             self.replace(self.tree.start(at), self.tree.start(at), "{")
-            self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
+            self.replace(
+                self.tree.end(at), self.tree.end(at), f", {quoted(word)}: {value.flow()}}}"
+            )
         else:
-            self.add_entry(at, value.below(word))
+            self.add_entry(at, word, value.below(quoted(word)))
 
-    def add_entry(self, at: YamlMapping, lines: Sequence[str]) -> None:
-        """Put lines behind the last entry of a mapping without braces."""
-        last = self.trailing(self.tree.row(self.tree.end(at)), at.column - 1)
-        self.insert_lines(last + 1, indented(lines, at.column - 1))
+    def add_entry(self, at: YamlMapping, word: str, lines: Sequence[str]) -> None:
+        """Put lines behind the last entry of a mapping without braces, or before the next section of a file."""
+        is_section = at is self.tree.top and word in SECTIONS
+        later = SECTIONS[SECTIONS.index(word) + 1 :] if is_section else ()
+        follower = next((at.entries[other] for other in later if other in at.entries), None)
+        if follower is not None:
+            row = self.entry_rows(*follower)[0]
+            lines = [*lines, ""]
+        else:
+            row = self.trailing(self.tree.row(self.tree.end(at)), at.column - 1) + 1
+        self.insert_lines(row, indented(lines, at.column - 1))
 
     def add_in_flow(self, at: YamlNode, new: str) -> None:
         """Put an item last in braces or brackets."""
@@ -211,6 +195,7 @@ class TextPatch:
     def remove_entry(self, at: YamlMapping, word: str) -> None:
         """Take a key and its value out of a mapping. Raises EditError: a comment would be lost."""
         tree = self.tree
+        del self.content[id(at)][word]
         names, (key, value) = list(at.entries), at.entries[word]
         if tree.is_flow(at):
             pairs = [(tree.start(k), max(tree.end(k), tree.end(v))) for k, v in at.entries.values()]
@@ -249,113 +234,3 @@ class TextPatch:
         first = spans[index][0]
         after = spans[index + 1][0]
         return self.tree.row(before) == self.tree.row(first) != self.tree.row(after)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Snippet:
-    """A value or a node that comes from outside, as YAML."""
-
-    tree: WrittenTree
-    at: YamlNode
-    comments: tuple[str, ...] = ()  # lines of comment above it
-
-    @property
-    def on_one_line(self) -> bool:
-        """Return True if it can stand behind a colon as it is written."""
-        block = not isinstance(self.at, YamlScalar) and not self.tree.is_flow(self.at)
-        return not block and self.at.line == self.at.end_line and not self.comments
-
-    @property
-    def line(self) -> str:
-        """The value as written, on one line. Raises EditError: a comment behind it has no place."""
-        if self.tree.source.comments:
-            comment = next(iter(self.tree.source.comments.values()))
-            raise EditError(
-                f"a value on one line is given without a comment: take '# {comment}' out; `comment` sets one"
-            )
-        return self.tree.raw(self.at)
-
-    def lifted(self) -> LiftedNode:
-        """Return it as a node without a place."""
-        raw = (
-            self.tree.text[self.tree.start(self.at) :].rstrip().split("\n")
-        )  # a comment may stand behind it
-        return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
-
-    def flow(self) -> str:
-        """Return it on one line, for braces. Raises EditError: it holds comments."""
-        if self.tree.source.comments:
-            raise EditError("it holds comments, for which braces on one line have no place")
-        return in_braces(self.tree, self.at)
-
-    def below(self, word: str) -> list[str]:
-        """Return the lines of an entry `word: value`."""
-        if self.on_one_line:
-            return [f"{word}: {self.line}"]
-        if isinstance(self.at, YamlScalar) and self.tree.raw(self.at)[:1] in ("|", ">"):
-            first, *rest = self.lifted().lines
-            return [f"{word}: {first}", *rest]
-        return [f"{word}:", *self.lifted().indented(STEP)]
-
-
-def in_braces(tree: WrittenTree, at: YamlNode) -> str:
-    """Return a value on one line, as it stands in braces; quotes stay, comments do not."""
-    if isinstance(at, YamlScalar):
-        raw = tree.raw(at)
-        one_line = at.line == at.end_line and not (not at.plain and raw[:1] in "|>")
-        if at.is_null:
-            return raw
-        return (
-            raw
-            if one_line and not (at.plain and IN_FLOW.search(raw))
-            else json.dumps(at.text, ensure_ascii=False)
-        )
-    if tree.is_flow(at) and at.line == at.end_line:
-        return tree.raw(at)
-    if isinstance(at, YamlList):
-        return "[" + ", ".join(in_braces(tree, item) or "null" for item in at.items) + "]"
-    assert isinstance(at, YamlMapping)
-    pairs = (f"{tree.raw(key)}: {in_braces(tree, value)}" for key, value in at.entries.values())
-    return "{" + ", ".join(pairs) + "}"
-
-
-def read_snippet(text: str, what: str, tree: WrittenTree) -> Snippet:
-    """Return a value given as YAML. Raises EditError: it is none."""
-    text = text.replace("\r\n", "\n").rstrip() + "\n"
-    source = Source("", text)
-    findings = Findings()
-    at = read_yaml(source, findings, what) if text.strip() else None
-    found = findings.sorted()
-    if at is None or found:
-        raise EditError(f"{what} is no YAML: {found[0].message}" if found else f"{what} is empty")
-    written = WrittenTree("", tree.types)
-    written.text = text
-    written.source = source
-    written.starts = [0, *(match.end() for match in re.finditer("\n", text))]
-    above = [written.line(row).strip() for row in range(at.line - 1)]
-    if text[written.end(at) :].strip() or any(line and line[0] != "#" for line in above):
-        behind = text[written.end(at) :].strip()
-        if not behind.startswith("#") or "\n" in behind:
-            raise EditError(f"{what} is one value and nothing else")
-    return Snippet(written, at, tuple(filter(None, above)))
-
-
-def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
-    """Return a node with its comments, as it stands; nothing is taken out."""
-    tree = patch.tree
-    at = node.at
-    start = tree.start(at)
-    column = at.column - 1
-    if tree.is_flow(node.holder):
-        raw = tree.raw(at)
-        text = f"{{{raw}}}" if isinstance(at, YamlMapping) and not tree.is_flow(at) else raw
-        return LiftedNode((), tuple(re.split(r"\r\n|[\n\r]", text)), column)
-    first, head, last = patch.rows_of(node)
-    comments = [tree.line(row).strip() for row in range(first, head)]
-    behind = [row for row in range(head, at.line - 1) if row + 1 in tree.source.comments]
-    comments += [tree.text[tree.comment_start(row) : tree.line_end(row)].rstrip() for row in behind]
-    lines = [
-        tree.text[start : tree.line_end(at.line - 1)],
-        *(tree.line(row) for row in range(at.line, last + 1)),
-    ]
-    return LiftedNode(tuple(comments), tuple(lines), column)

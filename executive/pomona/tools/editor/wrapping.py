@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterator
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.node_type import Modifier, NodeType
 from pomona.executive.ports import RATE, RATIO, TIME
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.format import STEP
-from pomona.tools.editor.moving import braced, quoted
-from pomona.tools.editor.patching import LiftedNode, TextPatch, lift, read_snippet, shifted
+from pomona.tools.editor.moving import (
+    NodePlaceToFill,
+    lift,
+    on_its_lines,
+    put,
+    put_in_place_of,
+)
+from pomona.tools.editor.patching import TextPatch
+from pomona.tools.editor.snippets import braced, quoted, read_snippet, shifted, snippet_of
+from pomona.tools.editor.tree_edit import TreeEdit
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
 
 TRUE = '"true"'
@@ -24,79 +32,41 @@ _FIRST_VALUES: dict[object, str] = {
 """Values of a modifier that has just been added, by the type of its port."""
 
 
-def rewrite(patch: TextPatch, node: WrittenNode, new: LiftedNode) -> None:
-    """Put other lines in the place of a node that stands on lines of its own; its comments are in the new ones."""
-    at = node.at
-    first, _, last = patch.rows_of(node)
-    if isinstance(node.holder, YamlList):
-        lines = new.indented(node.holder.column + 1, "- ")
-    else:
-        first = patch.leading(at.line - 1, at.column - 1)
-        lines = new.indented(at.column - 1)
-    patch.insert_lines(first, lines)
-    patch.delete_lines(first, last)
-
-
-def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
-    """Return True if a node stands on lines of its own, in no braces and behind no key."""
-    if tree.stands_in_flow(node):
-        return False
-    if isinstance(node.holder, YamlList):
-        return True
-    return node.at.line > node.holder.entries[str(node.path[-1])][0].line
-
-
-def wrap(patch: TextPatch, node: WrittenNode, word: str, value: str | None) -> None:
+def wrap(patch: TextPatch, edit: TreeEdit) -> None:
     """Put a node into a new one, or give it a modifier. Raises EditError: the word takes no node."""
     tree = patch.tree
+    node = tree.node(edit.node)
     at = node.mapping
+    word = edit.word
+    value = edit.value
     kind = tree.types.get(word)
     if kind is None or kind.role == "leaf":
         raise EditError(f"'{word}' is no word that takes a node", node.id)
-    if isinstance(kind, Modifier) and word not in at.entries:
-        patch.set_entry(
-            at, word, read_snippet(value or default_value(kind), f"the value of '{word}'", tree)
-        )
-        return
-    outer, beside = (
-        ("sequence", f"{word}: {value or default_value(kind)}")
-        if isinstance(kind, Modifier)
-        else (word, "")
-    )
-    before, lead = _opening(tree, outer, value, node.id)
-    if not on_its_lines(tree, node):
-        opened, closed = ("[", "]") if lead else ("", "")
-        inner = tree.raw(at) if lead else braced(tree.raw(at))
-        text = f"{', '.join([*before[:-1], f'{before[-1]} {opened}{inner}{closed}', *filter(None, [beside])])}"
-        patch.replace(tree.start(at), tree.end(at), f"{{{text}}}")
-        return
-    lifted = _with_comments(patch, node)
-    lines = [*before, *lifted.indented(STEP + len(lead), lead), *filter(None, [beside])]
-    rewrite(patch, node, LiftedNode((), tuple(lines), 0))
+    beside = []
+    if isinstance(kind, Modifier):
+        value = value or _first_value(kind)
+        if word not in at.entries:
+            patch.set_entry(at, word, read_snippet(value, f"the value of '{word}'", tree))
+            return
+        beside = [f"{word}: {value}"]
+        kind = tree.types["sequence"]
+    before, lead = _opening(kind, value, node)
+    lines = lift(patch, node, word=False).indented(STEP + len(lead), lead)
+    put_in_place_of(patch, node, snippet_of([*before, *lines, *beside], tree))
 
 
-def _opening(tree: WrittenTree, word: str, value: str | None, node: str) -> tuple[list[str], str]:
+def _opening(kind: NodeType, value: str | None, node: WrittenNode) -> tuple[list[str], str]:
     """Return the lines before a node that is wrapped in a word, and the characters directly before it."""
-    kind = tree.types[word]
     if isinstance(kind.value, takes.Children):
-        return [f"{word}:"], "- "
-    inner = inner_word(kind)
-    if not inner:
-        raise EditError(
-            f"'{word}' takes its nodes by word; insert it and move the node into it", node
-        )
-    return [f"{word}: {value or TRUE}", f"{inner}:"], ""
-
-
-def inner_word(kind: NodeType) -> str:
-    """Return the word before the one node that a word needs beside it, `then`; empty when it needs none."""
-    for word, taken in kind.fields.items():
+        return [f"{kind.key}:"], "- "
+    for inner, taken in kind.fields.items():
         if isinstance(taken, takes.Child) and taken.required:
-            return word
-    return ""
+            return [f"{kind.key}: {value or TRUE}", f"{inner}:"], ""
+    message = f"'{kind.key}' takes its nodes by word; insert it and move the node into it"
+    raise EditError(message, node.id)
 
 
-def default_value(kind: NodeType) -> str:
+def _first_value(kind: NodeType) -> str:
     """Return a first value for a modifier, as YAML. Raises EditError: it has none."""
     taken = kind.value
     if isinstance(taken, takes.Condition):
@@ -110,25 +80,10 @@ def default_value(kind: NodeType) -> str:
     raise EditError(f"'{kind.key}' needs a value")
 
 
-def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
-    """Return a node on lines of its own with the comments that stand directly above it."""
-    if isinstance(node.holder, YamlList):
-        return lift(patch, node)
-    tree = patch.tree
-    at = node.at
-    first = patch.leading(at.line - 1, at.column - 1)
-    last = patch.rows_of(node)[2]
-    comments = tuple(tree.line(row).strip() for row in range(first, at.line - 1))
-    lines = [
-        tree.line(at.line - 1)[at.column - 1 :],
-        *(tree.line(row) for row in range(at.line, last + 1)),
-    ]
-    return LiftedNode(comments, tuple(lines), at.column - 1)
-
-
-def unwrap(patch: TextPatch, node: WrittenNode) -> None:
+def unwrap(patch: TextPatch, edit: TreeEdit) -> None:
     """Put the children of a node in its place. Raises EditError: they do not fit there."""
     tree = patch.tree
+    node = tree.node(edit.node)
     at = node.mapping
     kind = node.kind
     items = node.value
@@ -146,6 +101,13 @@ def unwrap(patch: TextPatch, node: WrittenNode) -> None:
         raise EditError(
             "only one node has its place here, and this one has several children", node.id
         )
+    children = patch.content[id(items)]
+    beside = patch.content[id(node.holder)]
+    step = node.path[-1]
+    if isinstance(node.holder, YamlList):
+        beside[int(step) : int(step) + 1] = children
+    else:
+        beside[step] = children[0]
     if tree.is_flow(items):
         _unwrap_flow(patch, node, items)
     elif on_its_lines(tree, node):
@@ -205,28 +167,24 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
     patch.delete_lines(head, last)
 
 
-def duplicate(patch: TextPatch, node: WrittenNode) -> None:
-    """Put a copy of a node behind it, with names of its own.
-
-    Raises EditError: it may not be there.
-    """
+def duplicate(patch: TextPatch, edit: TreeEdit) -> None:
+    """Put a copy of a node behind it, with names of its own. Raises EditError: it may not be there."""
     tree = patch.tree
-    at = node.mapping
+    node = tree.node(edit.node)
     if not isinstance(node.holder, YamlList):
         raise EditError("only one node has its place here", node.id)
-    names = new_names(tree, node)
-    if tree.is_flow(node.holder):
-        start = tree.start(at)
-        end = tree.end(at)
-        patch.replace(end, end, ", " + _renamed(tree, names, start, end))
-        return
-    first, _, last = patch.rows_of(node)
-    text = _renamed(tree, names, tree.starts[first], tree.line_end(last))
-    patch.insert_lines(last + 1, re.split(r"\r\n|[\n\r]", text))
+    renaming = TextPatch(tree)
+    for scalar, name in _new_names(tree, node):
+        mark = tree.raw(scalar)[:1]
+        text = quoted(name) if scalar.plain else mark + name + mark
+        renaming.replace(tree.start(scalar), tree.end(scalar), text)
+    renamed = TextPatch(WrittenTree(renaming.result(), tree.types))
+    copy = lift(renamed, renamed.tree.node(node.id))
+    put(patch, NodePlaceToFill(node.holder, index=int(node.path[-1]) + 1), copy)
 
 
-def new_names(tree: WrittenTree, node: WrittenNode) -> dict[str, tuple[YamlScalar, str]]:
-    """Return the names below a node, each with its scalar and the name of a copy, by address."""
+def _new_names(tree: WrittenTree, node: WrittenNode) -> Iterator[tuple[YamlScalar, str]]:
+    """Yield the names below a node, each with the name of a copy."""
     prefix = node.id.partition("root")[0]
     written = {
         n.id: n.at.get("name")
@@ -234,26 +192,11 @@ def new_names(tree: WrittenTree, node: WrittenNode) -> dict[str, tuple[YamlScala
         if n.id.startswith(f"{prefix}root") and isinstance(n.at, YamlMapping)
     }
     taken = {name.text for name in written.values() if isinstance(name, YamlScalar)}
-    found: dict[str, tuple[YamlScalar, str]] = {}
     for below in tree.below(node.id):
         name = written.get(below.id)
-        if not isinstance(name, YamlScalar) or name.is_null:
-            continue
-        number = 2
-        while f"{name.text} {number}" in taken:
-            number += 1
-        taken.add(f"{name.text} {number}")
-        found[below.id] = name, f"{name.text} {number}"
-    return found
-
-
-def _renamed(
-    tree: WrittenTree, names: dict[str, tuple[YamlScalar, str]], start: int, end: int
-) -> str:
-    out = []
-    at = start
-    for scalar, name in sorted(names.values(), key=lambda pair: tree.start(pair[0])):
-        text = quoted(name) if scalar.plain else tree.raw(scalar)[:1] + name + tree.raw(scalar)[:1]
-        out += [tree.text[at : tree.start(scalar)], text]
-        at = tree.end(scalar)
-    return "".join([*out, tree.text[at:end]])
+        if isinstance(name, YamlScalar) and not name.is_null:
+            number = 2
+            while f"{name.text} {number}" in taken:
+                number += 1
+            taken.add(f"{name.text} {number}")
+            yield name, f"{name.text} {number}"

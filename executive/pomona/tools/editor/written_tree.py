@@ -85,7 +85,8 @@ class WrittenTree:
     types: NodeTypes = field(default_factory=NodeTypes.installed)
     source: Source = field(init=False)
     problems: list[Finding] = field(init=False)  # why it cannot be read as YAML
-    top: YamlMapping | None = field(init=False)
+    root: YamlNode | None = field(init=False)
+    top: YamlMapping | None = field(init=False)  # the root of a file
     nodes: dict[str, WrittenNode] = field(init=False, default_factory=dict)
     pairs: set[int] = field(
         init=False, default_factory=set
@@ -99,13 +100,13 @@ class WrittenTree:
         self.starts = [0, *(found.end() for found in breaks)]
         self.eol = breaks[0][0] if breaks else "\n"
         self.source, findings = Source("", self.text), Findings()
-        root = (
+        self.root = (
             read_yaml(self.source, findings, modifiers=self.types.beside)
             if self.text.strip()
             else None
         )
         self.problems = findings.sorted()
-        self.top = root if isinstance(root, YamlMapping) else None
+        self.top = self.root if isinstance(self.root, YamlMapping) else None
         self._words = frozenset({"name", "description", *self.types.beside, *self.types.fields})
         if self.top is not None:
             self._definition("", self.top, ())
