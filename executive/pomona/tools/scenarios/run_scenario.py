@@ -2,70 +2,25 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain, repeat
-from typing import Any, TypeVar
 
 from py_trees.common import Status
 
-from pomona.executive.clock import Clock, ManualClock
-from pomona.executive.errors import SkillError
+from pomona.executive.clock import Clock
 from pomona.executive.language.build import build
 from pomona.executive.language.built import BuiltTree, NodeInfo
 from pomona.executive.nodes.ask import Question
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.reasons import Reason, reason_of
 from pomona.executive.registry import Registry
-from pomona.executive.skill import Computation, Interrupted, Skill, Work
+from pomona.executive.skill_testing import BenchContext
 from pomona.executive.values.findings import TreeFileError
 from pomona.tools.scenarios.scenario import Scenario, ScenarioCase
 
-T = TypeVar("T")
 PERIOD = 0.02
 MAX_TICKS = 200_000
-
-
-class DryContext:
-    """A `SkillContext` without a cell: mocks need nothing but a clock."""
-
-    def __init__(self) -> None:
-        self.clock = ManualClock()
-        self.lacking = ()
-
-    def device(self, interface: type[T], skill: Skill) -> T:
-        raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")
-
-    def seed(self, node: str) -> int:
-        return zlib.crc32(node.encode())
-
-    def compute(
-        self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool
-    ) -> Computation:
-        raise SkillError(node, "computes something, and a dry run has mocks only")
-
-    def publish(self, node: str, topic: str, value: object) -> None:
-        pass
-
-    def pause(self, why: str) -> bool:
-        return False
-
-    def elapsed(self) -> float:
-        return self.clock.now()
-
-    def acquire(self, skill: Skill) -> str | None:
-        return None
-
-    def release(self, skill: Skill) -> None:
-        """A mock moves nothing."""
-
-    def halt(self, skill: Skill, work: Work[Any]) -> None:
-        try:
-            work.throw(Interrupted())
-        except (Interrupted, StopIteration):
-            return
-        work.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +97,7 @@ def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
     coverage = Coverage(scenario.document.types)
     results = []
     for case in scenario.cases:
-        context = DryContext()
+        context = BenchContext()
         tree = build(
             scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks
         )

@@ -91,9 +91,9 @@ def found(
     analysis = analyse(document, Registry({}), overrides=settings or {})
     assert not analysis.errors, analysis.errors
     from pomona.executive.language.build import build
-    from pomona.tools.scenarios.run_scenario import DryContext
+    from pomona.executive.skill_testing import BenchContext
 
-    nodes = build(document, Registry({}), context=DryContext(), overrides=settings or {}).nodes
+    nodes = build(document, Registry({}), context=BenchContext(), overrides=settings or {}).nodes
     reason = Reason(path, code, "it failed")
     events = [
         started(nodes=tuple(node.facts() for node in nodes), tree_path="t.yaml", tree_text=tree),
