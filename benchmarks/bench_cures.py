@@ -31,7 +31,7 @@ from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import TIME
 from pomona.tools.library.cures.command_why import FailedRun, as_json, read_case, usable
 from pomona.tools.library.cures.search import CureSearch, TriedChange
-from pomona.tools.library.cures.trials import TrialPool, run_trial
+from pomona.tools.library.cures.trials import TrialPool
 
 FIRST = 101  # seed of the first run of each kind
 FURTHER = 1000  # the further seeds begin so far behind: none of them was used in the search
@@ -143,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = [(seeded, FIRST + 17 * number) for number in range(options.each) for seeded in KINDS]
     with (
         tempfile.TemporaryDirectory() as folder,
-        contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool,
+        contextlib.closing(TrialPool(2)) as pool,
     ):
         for seeded, seed in asked:
             if options.only in seeded.kind and (seeded.kind, seed) not in done:

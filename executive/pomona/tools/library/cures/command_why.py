@@ -32,7 +32,7 @@ from pomona.tools.library.cures.evidence import RunEvidence, gather
 from pomona.tools.library.cures.knobs import Knobs
 from pomona.tools.library.cures.repetition import REPEATABLE, first_error, judged_order, order_of
 from pomona.tools.library.cures.search import CureAnswer, CureSearch, TriedChange
-from pomona.tools.library.cures.trials import Trial, TrialPool, force_of, run_trial
+from pomona.tools.library.cures.trials import Trial, TrialPool, force_of
 
 SIMULATION = "This is a simulation of a run on a real cell: only changes of the tree and its ports are tried."
 
@@ -105,7 +105,7 @@ def main(options: argparse.Namespace) -> int:
     console.print(
         f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}"
     )
-    with contextlib.closing(TrialPool(options.jobs, run_trial)) as pool:
+    with contextlib.closing(TrialPool(options.jobs)) as pool:
         search = CureSearch(
             case.order,
             case.candidates,

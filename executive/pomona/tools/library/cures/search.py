@@ -11,7 +11,7 @@ from pomona.executive.execute import RunOrder
 from pomona.executive.terminal.words import seconds
 from pomona.tools.library.cures.candidates import CureCandidate
 from pomona.tools.library.cures.change import SingleChange
-from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, TrialRunner
+from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, TrialPool
 
 
 @dataclass(slots=True)
@@ -113,7 +113,7 @@ class CureSearch:
     _over: bool = False
     _compared: bool = False
 
-    def run(self, trials: TrialRunner) -> CureAnswer:
+    def run(self, trials: TrialPool) -> CureAnswer:
         """Search until there are enough cures, no candidate is left, or the budget is used."""
         begun = end = self.clock()
         # The budget begins when the run without a change has ended, and lets one change take twice as long.

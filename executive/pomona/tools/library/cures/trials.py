@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from pomona.executive.account import disagreement
 from pomona.executive.errors import PomonaError
@@ -77,32 +77,17 @@ def run_trial(order: RunOrder) -> Trial:
     return Trial(outcome, code, message, told["time_s"], force_of(truth), time.monotonic() - begun)
 
 
-class TrialRunner(Protocol):
-    """Something that computes trials at once, `jobs` of them."""
-
-    @property
-    def free(self) -> bool:
-        """Whether one more can be started."""
-
-    def start(self, key: Any, order: RunOrder, limit: float) -> None:
-        """Start a repetition, which is given up after `limit` seconds."""
-
-    def ended(self) -> Iterator[tuple[Any, Trial]]:
-        """Wait for the next ends; yields nothing when none is in progress."""
-
-
 class TrialPool:
     """Trials in worker processes: one that takes too long, or whose process dies, is lost alone."""
 
-    def __init__(self, jobs: int | None, work: Callable[..., Trial], *about: Any) -> None:
+    def __init__(self, jobs: int | None, work: Callable[[RunOrder], Trial] = run_trial) -> None:
         """
         Args:
             jobs: processes at once; None for one per core.
-            work: called with an order and `about` in a worker, as `run_trial`.
+            work: called with an order in a worker.
         """
         self._pool = WorkerPool(jobs, grace=0.0)
         self._work = work
-        self._about = about
         self.give_up = self._pool.give_up
         self.close = self._pool.close
 
@@ -113,7 +98,7 @@ class TrialPool:
 
     def start(self, key: Any, order: RunOrder, limit: float) -> None:
         """Start a repetition, which is given up after `limit` seconds."""
-        self._pool.start(key, self._work, (order, *self._about), limit)
+        self._pool.start(key, self._work, (order,), limit)
 
     def ended(self) -> Iterator[tuple[Any, Trial]]:
         """Wait for the next ends; yields nothing when none is in progress."""

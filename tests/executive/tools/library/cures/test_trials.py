@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -26,9 +27,9 @@ def hang(_order: RunOrder) -> Trial:
     return Trial("success")
 
 
-def ends(work: object, *about: object, limit: float = 120.0) -> list[Trial]:
+def ends(work: Callable[[RunOrder], Trial], limit: float = 120.0) -> list[Trial]:
     order = RunOrder(Path("t.yaml"), Path("none.yaml"), dry=True, texts={"t.yaml": TREE})
-    with contextlib.closing(TrialPool(1, work, *about)) as pool:
+    with contextlib.closing(TrialPool(1, work)) as pool:
         pool.start("key", order, limit)
         assert not pool.free
         return [trial for _, trial in pool.ended()]

@@ -61,7 +61,7 @@ NEVER = "pomona: 1\ntree: never\nroot: {fail: }\n"
 class Here:
     """Trials in this process, one after another."""
 
-    def __init__(self, _jobs: int, _work: Any) -> None:
+    def __init__(self, _jobs: int) -> None:
         self._waiting: list[tuple[Any, RunOrder]] = []
 
     @property
