@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import dataclasses
 import os
 import sys
 from collections.abc import Iterable
@@ -14,15 +12,12 @@ from typing import Any
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.values.findings import (
-    Edit,
     Finding,
     Findings,
     Source,
-    format_finding,
     format_findings,
     place_of,
 )
-from pomona.executive.values.removed import removals
 from pomona.executive.values.yaml_nodes import read_yaml
 from pomona.tools.editor.command_check import check_file
 from pomona.tools.editor.old_names import report_old_names
@@ -59,10 +54,6 @@ def main(options: argparse.Namespace) -> int:
     for path in options.files:
         found = _removed(path)
         while not options.check and _print_changes(write_edits(path, found)):
-            found = _removed(path)
-        if not options.check and sys.stdin.isatty():
-            with contextlib.suppress(EOFError):  # the input ended: the other places stay
-                _ask(path, found)
             found = _removed(path)
         left.extend(f for f in found if f.path == str(path) or Path(f.path).resolve() not in named)
     rest = left.sorted()
@@ -104,32 +95,3 @@ def _print_changes(changed: Iterable[Finding]) -> bool:
         old = finding.excerpt[column - 1 :][:length]
         sys.stdout.write(f"{place_of(finding)}: {old} → {new} ({finding.message})\n")
     return bool(edits)
-
-
-def _ask(path: Path, found: list[Finding]) -> None:
-    """Ask which of several new words replaces each."""
-    for finding in reversed(found):  # a change moves only the columns behind it
-        word = finding.excerpt[finding.column - 1 :][: finding.length].strip("'\"")
-        new = next((row.instead_of(word) for row in removals() if word in row.old), [])
-        if finding.path == str(path) and len(new) > 1:
-            sys.stdout.write(f"{format_finding(finding)}\n")
-            answer = input(f"{' or '.join(new)}? [Enter leaves it as it is] ").strip()
-            if answer in new:
-                _print_changes(
-                    write_edits(
-                        path,
-                        [
-                            dataclasses.replace(
-                                finding,
-                                edits=(
-                                    Edit(
-                                        finding.line,
-                                        finding.excerpt.index(word, finding.column - 1) + 1,
-                                        len(word),
-                                        answer,
-                                    ),
-                                ),
-                            )
-                        ],
-                    )
-                )
