@@ -5,17 +5,19 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pomona.executive.run_views import Export, ViewedRun
-from pomona.tools.exchange.run_view import SinkView
+from pomona.executive.run_views import Export, RunView, ViewedRun
+from pomona.executive.running.events import Event
 
 if TYPE_CHECKING:
-    from pomona.tools.exchange.live import Sink
+    from pomona.tools.exchange.live import Live, Sink
 
 
-class Ros2RunView(SinkView):
+class Ros2RunView(RunView):
     """The run on ROS 2. Requests of nodes go to the control of the page; without a page none is taken."""
+
+    _live: Live
 
     def exports(self) -> Mapping[str, Export]:
         return {"rosbag2": _export_bag}
@@ -28,7 +30,17 @@ class Ros2RunView(SinkView):
             "--ros2-distribution", choices=("humble", "jazzy", "kilted", "lyrical"), help=which
         )
 
+    def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
+        sink = self.sink(options, run)
+        if sink is None:
+            return False
+        from pomona.tools.exchange.live import Live
+
+        self._live = Live(sink)
+        return True
+
     def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
+        """Return the node that the options ask for, or None. Raises UsageError: it cannot be opened."""
         if options.ros2 is None:
             return None
         from pomona.tools.ros2.bridge import Ros2Bridge
@@ -48,6 +60,15 @@ class Ros2RunView(SinkView):
         if desk is None:
             return Ros2Bridge(peer, None, lambda _token: False)
         return Ros2Bridge(peer, desk.control, desk.acts_with, desk.start)
+
+    def on_event(self, event: Event) -> None:
+        self._live.on_event(event)
+
+    def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        self._live.read(t, tick, readings)
+
+    def close(self) -> None:
+        self._live.close()
 
 
 def _export_bag(
