@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ class TextPiece:
 
 @dataclass(frozen=True, slots=True)
 class SingleChange:
-    """One change: settings of the run, or pieces of one tree file.
+    """One change: settings of the run, or a piece of one tree file.
 
     Attributes:
         kind: port, parameter, word or option.
@@ -30,7 +30,7 @@ class SingleChange:
         before, after: the texts.
         size: how much it changes a value, in factors of two; 1 for a word.
         settings: values of parameters or options.
-        pieces: of the file `path`.
+        piece: of the file `path`; None for a setting.
     """
 
     kind: str
@@ -41,7 +41,7 @@ class SingleChange:
     after: str
     size: float = 1.0
     settings: Mapping[str, str] = field(default_factory=dict)
-    pieces: tuple[TextPiece, ...] = ()
+    piece: TextPiece | None = None
 
     @property
     def place(self) -> str:
@@ -58,8 +58,10 @@ class SingleChange:
     def applied(self, order: RunOrder) -> RunOrder:
         """Return the order with this change; the file on the disk stays as it is."""
         texts = dict(order.texts)
-        if self.pieces:
-            texts[self.path] = replaced(texts[self.path], self.pieces)
+        piece = self.piece
+        if piece is not None:
+            text = texts[self.path]
+            texts[self.path] = text[: piece.start] + piece.text + text[piece.end :]
         return replace(order, texts=texts, settings={**order.settings, **self.settings})
 
     def as_json(self) -> dict[str, Any]:
@@ -72,13 +74,6 @@ class SingleChange:
             "before": self.before,
             "after": self.after,
         }
-
-
-def replaced(text: str, pieces: Iterable[TextPiece]) -> str:
-    """Return a text with pieces replaced, which do not overlap; all other characters stay."""
-    for piece in sorted(pieces, key=lambda piece: -piece.start):
-        text = text[: piece.start] + piece.text + text[piece.end :]
-    return text
 
 
 def offset(text: str, line: int, column: int) -> int:

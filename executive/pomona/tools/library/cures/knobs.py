@@ -62,7 +62,7 @@ class Knob:
         if self.setting:
             return SingleChange(*about, settings={self.setting: text})
         piece = TextPiece(self.start, self.end, f"{self.lead}{quoted(text)}{self.trail}")
-        return SingleChange(*about, pieces=(piece,))
+        return SingleChange(*about, piece=piece)
 
 
 def quoted(text: str) -> str:

@@ -130,7 +130,7 @@ def test_each_candidate_is_one_change_and_the_list_is_sorted() -> None:
     every = found(TREE, "CONDITION_FALSE", "t/Enough")
     assert len({c.change.sentence for c in every}) == len(every)
     assert [c.likely for c in every] == sorted((c.likely for c in every), reverse=True)
-    assert all((not c.change.settings) != (not c.change.pieces) for c in every)
+    assert all((not c.change.settings) != (c.change.piece is None) for c in every)
 
 
 def test_no_failure_gives_no_candidate_of_a_node() -> None:
