@@ -537,17 +537,18 @@ def test_a_misspelt_skill_is_answered_with_the_one_that_is_meant(
     assert "the fruit's weight alone needs more force" in " ".join(capsys.readouterr().out.split())
 
 
-def test_an_import_ends_with_the_skills_that_are_not_installed(
+def test_an_import_ends_with_the_check_which_names_the_skills_that_are_not_installed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    xml = tmp_path / "nav.xml"
-    tree = "<Sequence><ComputePath/><FollowPath/><ComputePath/></Sequence>"
-    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{tree}</BehaviorTree></root>')
-    assert main(["import", str(xml)]) == 0
-    assert (
-        "4 nodes; 2 skills are not installed here: ComputePath, FollowPath."
-        in capsys.readouterr().err
-    )
+    xml, tree = tmp_path / "nav.xml", tmp_path / "nav.yaml"
+    nodes = "<Sequence><ComputePath/><FollowPath/></Sequence>"
+    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
+    assert main(["import", str(xml), "--out", str(tree)]) == 0
+    assert f"pomona check {tree}" in capsys.readouterr().err
+    assert main(["check", str(tree)]) == 2
+    told = capsys.readouterr().out
+    assert "no skill named 'ComputePath'" in told
+    assert "no skill named 'FollowPath'" in told
 
 
 def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
@@ -557,7 +558,6 @@ def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
     nodes = '<Sequence><ComputePath goal="{goal}" path="{path}" planner="Grid"/><FollowPath path="{path}"/></Sequence>'
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
     assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 0
-    assert "The tree declares them" in capsys.readouterr().err
     assert yaml.safe_load(tree.read_text())["skills"] == {
         "ComputePath": {"out": ["goal", "path"], "in": ["planner"]},
         "FollowPath": {"in": ["path"]},

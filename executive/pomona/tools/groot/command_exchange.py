@@ -9,8 +9,6 @@ from typing import Any
 
 from pomona.executive.files import find_tree, read_text, write_text
 from pomona.executive.language.check import read_document, refuse_errors
-from pomona.executive.language.read import read
-from pomona.executive.nodes.leaves import SKILL
 from pomona.executive.recording.plain_file import refuse_taken
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import format_findings
@@ -64,13 +62,12 @@ def import_(options: argparse.Namespace) -> int:
     """
     if options.out is not None and is_file(options.out):
         refuse_taken(options.out)
-    skills = Registry.installed()
     text, findings = import_groot(
         read_text(options.xml),
         options.xml,
         beside=[(read_text(path), path) for path in options.beside],
         main=options.tree,
-        skills=skills,
+        skills=Registry.installed(),
         stubs=options.stubs,
     )
     if findings:
@@ -81,22 +78,5 @@ def import_(options: argparse.Namespace) -> int:
         )
         return 1
     write_text(text, options.out)
-    sys.stderr.write(_what_next(text, options.out, skills) + "\n")
+    sys.stderr.write(f"check it with `pomona check {options.out or 'FILE'}`\n")
     return 1 if findings else 0
-
-
-def _what_next(text: str, out: Path | None, skills: Registry) -> str:
-    """Return the size of the tree, its skills that are not installed, and the next step."""
-    document = read(text, out or "imported.yaml")
-    file = out or "FILE"
-    roots = [d.root for d in document.definitions() if d.root is not None]
-    nodes = [node for root in roots for node in root.walk()]
-    unknown = sorted({node.key.text for node in nodes if node.type is SKILL} - skills.keys())
-    if not unknown:
-        return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {file}`"
-    told = (
-        f"{len(nodes)} nodes; {len(unknown)} skills are not installed here: {', '.join(unknown)}."
-    )
-    if document.main.declared_skills:
-        return f"{told} The tree declares them: try `pomona run {file} --dry`"
-    return f"{told} Write each with `pomona new skill NAME`, or install the package that has it"
