@@ -230,7 +230,7 @@ class TreeService:
             yield Offer(
                 name,
                 "skill",
-                _first_line(skill),
+                first_line(skill),
                 f"{name}: {{{', '.join(f'{port}: ' for port in needed)}}}",
             )
         for name, definition in self.subtrees().items():
@@ -265,13 +265,13 @@ class TreeService:
                 Offer(word, "value", "of the cell")
                 for word in skill.offers(place.key, self.cell_file)
             )
-            yield from _words_of(skill.inputs[place.key])
+            yield from (Offer(word, "value") for word in words_of(skill.inputs[place.key]))
             return
         for found in self.types.values():
             taken = found.slots.get(place.key)
             if isinstance(taken, Value):
-                yield from _words_of(taken.port)
-                yield from (Offer(word, "value") for word in taken.words)
+                words = (*words_of(taken.port), *taken.words)
+                yield from (Offer(word, "value") for word in words)
         if place.key == "success_on":
             yield from (Offer(word, "value") for word in ("all", "one"))
 
@@ -513,15 +513,16 @@ def _ports(ports: Mapping[str, Port], direction: str, owner: str) -> Iterator[Of
         yield Offer(name, direction, f"{direction} of {owner}{needed}: {_port_text(port)}", written)
 
 
-def _words_of(port: Port) -> Iterator[Offer]:
+def words_of(port: Port) -> list[str]:
+    """Return the words that a port takes: its choices, truth values, members of an enum; empty for other types."""
     kind: object = port.type
     if port.choices:
-        yield from (Offer(word, "value") for word in port.choices)
-    elif kind is bool:
-        yield from (Offer(word, "value") for word in ("true", "false"))
-    elif isinstance(kind, EnumType):
-        for member in list[Enum](kind):
-            yield Offer(member.value if isinstance(member.value, str) else member.name, "value")
+        return list(port.choices)
+    if kind is bool:
+        return ["true", "false"]
+    if isinstance(kind, EnumType):
+        return [m.value if isinstance(m.value, str) else m.name for m in list[Enum](kind)]
+    return []
 
 
 def _port_text(port: Port) -> str:
@@ -538,7 +539,7 @@ def _port_text(port: Port) -> str:
 
 
 def _skill_sheet(name: str, skill: type[Skill]) -> str:
-    lines = [f"**{name}**  ", _first_line(skill), ""]
+    lines = [f"**{name}**  ", first_line(skill), ""]
     for title, ports in (("in", skill.inputs), ("out", skill.outputs)):
         lines += [f"- {title} `{port}`: {_port_text(facts)}" for port, facts in ports.items()]
     if skill.failures:
@@ -546,7 +547,8 @@ def _skill_sheet(name: str, skill: type[Skill]) -> str:
     return "\n".join(lines)
 
 
-def _first_line(skill: type[Skill]) -> str:
+def first_line(skill: type[Skill]) -> str:
+    """Return the first line of a skill's description."""
     return (skill.__doc__ or "").strip().split("\n")[0]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from enum import Enum, EnumType
 from typing import Any
 
 from pomona.executive.cell.cell_file import CellFile
@@ -15,6 +14,7 @@ from pomona.executive.ports import Port, Ports
 from pomona.executive.reasons import failure_codes
 from pomona.executive.registry import Registry, port_facts
 from pomona.executive.skill import Skill
+from pomona.tools.editor.service import first_line, words_of
 
 Facts = dict[str, Any]
 
@@ -33,7 +33,7 @@ def _skill(name: str, skill: type[Skill], cell: CellFile | None) -> Facts:
     return {
         "name": name,
         "role": "skill",
-        "summary": _first_line(skill.__doc__),
+        "summary": first_line(skill),
         "symbol": "●",
         "colour": "#0b6e4f",
         "inputs": [
@@ -86,12 +86,7 @@ _KINDS: Mapping[str, str] = {
 def port_of(name: str, port: Port, offered: Iterable[str] = ()) -> Facts:
     """Return a port as plain values; `choices` also holds members of an enum, truth values and offered words."""
     facts = dict(port_facts(name, port))
-    kind: object = port.type
-    words = list(port.choices)
-    if kind is bool:
-        words = ["true", "false"]
-    elif isinstance(kind, EnumType):
-        words = [m.value if isinstance(m.value, str) else m.name for m in list[Enum](kind)]
+    words = words_of(port)
     words += [word for word in offered if word not in words]
     for limit in ("min", "max", "default"):
         if limit in facts:
@@ -113,7 +108,3 @@ def _code(code: str) -> Facts:
 def _plain(words: str) -> str:
     """Return words without the marks of the documentation."""
     return words.replace("**", "").replace("`", "")
-
-
-def _first_line(text: str | None) -> str:
-    return (text or "").strip().split("\n")[0]
