@@ -47,7 +47,6 @@ class DoorServer(MCPServer[Any]):
             log_level="CRITICAL",
             subscriptions=False,
         )
-        self._door = door
         self._log = log
         for tool in door.tools():
             notes = ToolAnnotations(
