@@ -32,17 +32,16 @@ COMMON = (
 )
 
 
-def begin_cell(
+def cell_folder(
     folder: Path, arm: str | None, hand: str | None, camera: str = CAMERA
-) -> tuple[list[Path], list[str]]:
-    """Write the folder of a cell; its name is that of the cell.
+) -> tuple[dict[Path, bytes], list[str]]:
+    """Return the files of a cell, whose name is that of the folder, and the next commands.
 
-    Returns its files, and the next commands.
-    Raises UsageError: an unknown device, no shipped robot, or there is something already. Nothing is written then.
+    Raises UsageError: an unknown device, no shipped robot, or the folder is there already.
     """
-    if arm is None or hand is None:
-        raise UsageError(f"a cell of devices needs --arm and --hand: {_possible(_pieces())}")
     pieces = _pieces()
+    if arm is None or hand is None:
+        raise UsageError(f"a cell of devices needs --arm and --hand: {_possible(pieces)}")
     arm = _choose(pieces, "arm", arm, "--arm")
     hand = _choose(pieces, "gripper", hand, "--hand")
     camera = camera if camera == NONE else _choose(pieces, "camera", camera, "--camera")
@@ -56,21 +55,13 @@ def begin_cell(
         raise UsageError(f"{folder} is there already. Nothing was written.")
     words = {"name": folder.name, "devices": f"{arm}, {hand}, camera {camera}", **_words(chosen)}
     texts = {name: _filled(name, words) for name in FILES}
-    texts["robot.xml"] = composed(robot)
-    folder.mkdir(parents=True)
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in texts], _commands(chosen, folder)
+    texts["robot.xml"] = inlined(robot.read_text("utf-8"), robot.parent)
+    return {folder / name: text.encode() for name, text in texts.items()}, _commands(chosen, folder)
 
 
 def _filled(name: str, words: Mapping[str, str]) -> str:
     text = (TEMPLATES / "devices" / name).read_text("utf-8")
     return Template(_BLOCK.sub(r"\1", text)).substitute(words)
-
-
-def composed(robot: Path) -> str:
-    """Return a robot's description with the files of its hand in the places of their `include`."""
-    return inlined(robot.read_text("utf-8"), robot.parent)
 
 
 def inlined(text: str, folder: Path) -> str:

@@ -16,7 +16,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import elsewhere, entry_points
-from pomona.tools.kit.cell_folder import CAMERA, NONE, PIECES, begin_cell
+from pomona.tools.kit.cell_folder import CAMERA, NONE, PIECES, cell_folder
 from pomona.tools.kit.pieces import (
     EMPTY_TREE,
     EXAMPLE_TREE,
@@ -98,7 +98,7 @@ def _begin(options: argparse.Namespace) -> int:
         written = begin(options.into / names.small, names.small)
     elif options.kind == "tree":
         piece = OWN_TREE if "MoveTo" in Registry.installed() else EMPTY_TREE
-        written = _write(piece, names, options.into)
+        written = _write(piece.files(names, options.into))
     else:
         _refuse_taken(options.kind, names)
         written = put(_known()[options.kind], names, options.into)
@@ -110,10 +110,10 @@ def _begin_cell(options: argparse.Namespace, folder: Path) -> int:
         words = "--arm, --hand and --camera belong to `pomona new cell`"
         raise UsageError(f"{words}, not to {options.kind}")
     camera = CAMERA if options.camera is None else options.camera
-    written, commands = begin_cell(folder, options.arm, options.hand, camera)
+    files, commands = cell_folder(folder, options.arm, options.hand, camera)
     if options.camera is None:
         sys.stderr.write(f"camera: {CAMERA}, as none was named; without one: --camera {NONE}\n")
-    return _report(written, commands)
+    return _report(_write(files), commands)
 
 
 def _report(written: list[Path], commands: list[str]) -> int:
@@ -164,28 +164,28 @@ def put(piece: Piece, names: PieceNames, into: Path) -> list[Path]:
     Raises UsageError: a file is there already, or the package is none.
     """
     if not piece.entry:
-        return _write(piece, names, into)
+        return _write(piece.files(names, into))
     written = []
     if not (into / "pyproject.toml").is_file():
         into = into / names.small
         written = begin(into, f"pomona_{names.small}", example=False)
     names = replace(names, module=_module(into))
-    written += _write(piece, names, into)
+    written += _write(piece.files(names, into))
     _register(into / "pyproject.toml", *(piece.renamed(text, names) for text in piece.entry))
     return written
 
 
 def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     """Begin a package; with an example skill and a tree that uses it. Raises UsageError: there is something already."""
-    written = _write(PACKAGE, PieceNames(module, capitals(module), module), folder)
+    written = _write(PACKAGE.files(PieceNames(module, capitals(module), module), folder))
     if example:
         names = PieceNames(SKILL.name, capitals(SKILL.name), module)
-        written += put(SKILL, names, folder) + _write(EXAMPLE_TREE, names, folder)
+        written += put(SKILL, names, folder) + _write(EXAMPLE_TREE.files(names, folder))
     return written
 
 
-def _write(piece: Piece, names: PieceNames, into: Path) -> list[Path]:
-    files = {into / path: data for path, data in piece.contents(names).items()}
+def _write(files: Mapping[Path, bytes]) -> list[Path]:
+    """Write new files, all or none. Raises UsageError: one is there already."""
     taken = [str(path) for path in files if path.exists()]
     if taken:
         raise UsageError(f"{', '.join(taken)} is there already. Nothing was written.")

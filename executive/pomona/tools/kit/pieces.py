@@ -31,12 +31,12 @@ class Piece:
 
     Attributes:
         name: name in the templates, in small letters; with capitals it is a class.
-        files: paths in the templates, below one folder; `my_package` is the package that code belongs to.
+        templates: paths in the templates, below one folder; `my_package` is the package that code belongs to.
         entry: group, name and object of its entry point; empty for data.
     """
 
     name: str
-    files: tuple[str, ...]
+    templates: tuple[str, ...]
     entry: tuple[str, ...] = ()
 
     def renamed(self, text: str, names: PieceNames) -> str:
@@ -48,14 +48,14 @@ class Piece:
         }
         return re.sub("|".join(words), lambda found: words[found[0]], text)
 
-    def contents(self, names: PieceNames) -> dict[str, bytes]:
-        """Return the contents of its files by their paths, renamed."""
+    def files(self, names: PieceNames, into: Path) -> dict[Path, bytes]:
+        """Return the contents of its files in a folder, renamed."""
         found = {}
-        for path in self.files:
+        for path in self.templates:
             data = (TEMPLATES / path).read_bytes()
             if not path.endswith(".ply"):
                 data = self.renamed(data.decode(), names).encode()
-            found[self.renamed(path.partition("/")[2], names)] = data
+            found[into / self.renamed(path.partition("/")[2], names)] = data
         return found
 
 

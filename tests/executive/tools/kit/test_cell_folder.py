@@ -13,7 +13,7 @@ import pytest
 from pomona.executive.cli import main
 from pomona.executive.values.installation import installed_trees
 from pomona.tools.kit import cell_folder
-from pomona.tools.kit.cell_folder import composed
+from pomona.tools.kit.cell_folder import inlined
 
 ROBOTS = installed_trees() / "robots"
 SHIPPED = [
@@ -176,7 +176,7 @@ def test_the_next_three_commands_and_the_calibrations_that_are_due_are_named(tmp
 def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
     shipped = ROBOTS / f"{arm}_{hand}.xml".replace("-", "_")
     alone = tmp_path / "robot.xml"
-    alone.write_text(composed(shipped), encoding="utf-8")
+    alone.write_text(inlined(shipped.read_text("utf-8"), shipped.parent), encoding="utf-8")
     ours, theirs = (mujoco.MjModel.from_xml_path(str(path)) for path in (alone, shipped))
     assert (ours.nbody, ours.ngeom, ours.nu) == (theirs.nbody, theirs.ngeom, theirs.nu)
     for name in (

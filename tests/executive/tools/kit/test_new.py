@@ -40,7 +40,7 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_template_is_written_by_a_piece() -> None:
     pieces = *KINDS.values(), *KINDS_ELSEWHERE.values(), PACKAGE, EXAMPLE_TREE, OWN_TREE, EMPTY_TREE
-    written = {path for piece in pieces for path in piece.files}
+    written = {path for piece in pieces for path in piece.templates}
     there = {str(path.relative_to(TEMPLATES)) for path in TEMPLATES.rglob("*") if path.is_file()}
     assert {path for path in there - written if "__pycache__" not in path} == {
         f"devices/{name}" for name in cell_folder.FILES
@@ -51,8 +51,8 @@ def test_every_template_is_written_by_a_piece() -> None:
 def test_no_name_of_a_template_is_left_in_the_files(kind: str) -> None:
     piece = {**KINDS, **KINDS_ELSEWHERE}[kind]
     names = PieceNames("zzz_kind", "ZzzKind", "zzz_package")
-    for path, data in piece.contents(names).items():
-        text = path + ("" if path.endswith(".ply") else data.decode())
+    for path, data in piece.files(names, Path()).items():
+        text = str(path) + ("" if path.suffix == ".ply" else data.decode())
         assert "my_package" not in text
         assert piece.name not in text.lower()
         assert "zzz" in text.lower()
