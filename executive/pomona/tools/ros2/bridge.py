@@ -21,7 +21,14 @@ from pomona.executive.recording.folder import EVENTS
 from pomona.executive.recording.schemas import Schema
 from pomona.executive.views import ImageView
 from pomona.tools.ros2.peer import Reply, Ros2Peer
-from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2, colour_message, depth_message, diagnostics
+from pomona.tools.ros2.to_ros2 import (
+    RosMessage,
+    ToRos2,
+    colour_message,
+    depth_message,
+    diagnostics,
+    time_of,
+)
 from pomona.tools.ros2.types import coder
 
 ACT = "pomona_msgs/srv/Act"
@@ -231,7 +238,7 @@ class Ros2Bridge:
         except (PomonaError, OSError, ValueError) as error:
             self._say(f"a goal was refused: {error}", now)
             accepted = False
-        reply({"accepted": accepted, "stamp": {"sec": now // 10**9, "nanosec": now % 10**9}})
+        reply({"accepted": accepted, "stamp": time_of(now)})
         if accepted:
             self._say_status(now)
 
@@ -343,12 +350,10 @@ class Ros2Bridge:
             )
 
     def _info(self, goal: _Goal) -> dict[str, Any]:
-        stamp = {"sec": goal.accepted // 10**9, "nanosec": goal.accepted % 10**9}
-        return {"goal_id": {"uuid": goal.uuid}, "stamp": stamp}
+        return {"goal_id": {"uuid": goal.uuid}, "stamp": time_of(goal.accepted)}
 
     def _say(self, text: str, now: int) -> None:
-        stamp = {"sec": now // 10**9, "nanosec": now % 10**9}
-        fields = {"stamp": stamp, "level": 30, "name": "pomona.ros2", "msg": text}
+        fields = {"stamp": time_of(now), "level": 30, "name": "pomona.ros2", "msg": text}
         self._publish(RosMessage("/rosout", "rcl_interfaces/msg/Log", now, fields))
 
 

@@ -17,21 +17,8 @@ from pomona.tools.ros2.definitions import ACTIONS, OTHERS, POMONA, SERVICES
 
 EXTRA = "ros2"
 
-_ARRAYS = {
-    "bool": np.bool_,
-    "byte": np.uint8,
-    "char": np.uint8,
-    "float32": np.float32,
-    "float64": np.float64,
-    "int8": np.int8,
-    "uint8": np.uint8,
-    "int16": np.int16,
-    "uint16": np.uint16,
-    "int32": np.int32,
-    "uint32": np.uint32,
-    "int64": np.int64,
-    "uint64": np.uint64,
-}
+_TEXTS = ("string", "wstring")
+_BYTES = {"byte": "uint8", "char": "uint8"}
 
 
 @cache
@@ -141,15 +128,16 @@ def _step(kind: Any, what: Any) -> tuple[Any, Any]:
         return make, lambda: make({})
     inner, size = what
     length = size if kind == 3 else 0  # an array has its length, a sequence any
-    if inner[0] == 1 and inner[1][0] in _ARRAYS:
-        dtype = _ARRAYS[inner[1][0]]
+    if inner[0] == 1 and inner[1][0] not in _TEXTS:
+        name = inner[1][0]
+        dtype = np.dtype(_BYTES.get(name, name))
         return (lambda value: _array(value, dtype)), (lambda: np.zeros(length, dtype))
     make, zero = _step(*inner)
     return (lambda value: [make(item) for item in value]), (lambda: [zero() for _ in range(length)])
 
 
 def _basic(kind: str) -> tuple[Any, Any]:
-    if kind in ("string", "wstring"):
+    if kind in _TEXTS:
         return str, str
     if kind == "bool":
         return bool, bool
