@@ -237,11 +237,15 @@ def _units(line: str, column: int) -> int:
     return len(line[:column].encode("utf-16-le")) // 2
 
 
+def _span(text: str, line: int, column: int, length: int) -> lsp.Range:
+    """Return the range of characters of a line, given its text; line and column count from 1."""
+    start, end = (_units(text, at) for at in (column - 1, column - 1 + length))
+    row = max(line - 1, 0)
+    return lsp.Range(lsp.Position(row, start), lsp.Position(row, end))
+
+
 def _range(where: Located) -> lsp.Range:
-    line = where.source.excerpt(where.line)
-    start = where.column - 1
-    begin = lsp.Position(where.line - 1, _units(line, start))
-    return lsp.Range(begin, lsp.Position(where.line - 1, _units(line, start + where.length)))
+    return _span(where.source.excerpt(where.line), where.line, where.column, where.length)
 
 
 def _uri(where: Located, asked: str, service: TreeService) -> str:
@@ -250,24 +254,19 @@ def _uri(where: Located, asked: str, service: TreeService) -> str:
 
 
 def _diagnostic(finding: Finding) -> lsp.Diagnostic:
-    row = max(finding.line - 1, 0)
-    line = finding.excerpt
-    start = lsp.Position(row, _units(line, finding.column - 1))
-    end = lsp.Position(row, _units(line, finding.column - 1 + finding.length))
+    where = _span(finding.excerpt, finding.line, finding.column, finding.length)
     severity = lsp.DiagnosticSeverity(("error", "warning", "note").index(finding.severity) + 1)
     message = f"{finding.message}\n{finding.hint}" if finding.hint else finding.message
-    return lsp.Diagnostic(lsp.Range(start, end), message, severity, finding.code, source="pomona")
+    return lsp.Diagnostic(where, message, severity, finding.code, source="pomona")
 
 
 def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
     """Return the quick fix that applies a finding's edits."""
     lines = text.split("\n")
-    edits = []
-    for line, column, length, new in finding.edits:
-        start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
-        edits.append(
-            lsp.TextEdit(lsp.Range(lsp.Position(line - 1, start), lsp.Position(line - 1, end)), new)
-        )
+    edits = [
+        lsp.TextEdit(_span(lines[line - 1], line, column, length), new)
+        for line, column, length, new in finding.edits
+    ]
     return lsp.CodeAction(
         said(finding),
         lsp.CodeActionKind.QuickFix,
