@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -214,6 +214,9 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
     )
 
 
+_Sample = tuple[float, float, float | None, str]  # t, value, limit, quantity
+
+
 class _Run:
     """Measurements of one record by device, and its series of some topics."""
 
@@ -254,9 +257,7 @@ class _Run:
             for device, found in columns.items()
         }
 
-    def largest(
-        self, hazard: Hazard, found: Digest
-    ) -> tuple[float, float, float | None, str] | None:
+    def largest(self, hazard: Hazard, found: Digest) -> _Sample | None:
         """Return (t, value, limit, quantity) of the sample nearest to its limit; None without a measurement."""
         measure = hazard.measure
         limits = hazard.limits or self._limits(hazard.limit_in_cell)
@@ -292,9 +293,7 @@ class _Run:
         ]
         return max(values, key=lambda entry: entry[1], default=(0.0, 0.0, limit, ""))
 
-    def _of_device(
-        self, measure: Mapping[str, str], limits: Sequence[float]
-    ) -> tuple[float, float, float | None, str] | None:
+    def _of_device(self, measure: Mapping[str, str], limits: Sequence[float]) -> _Sample | None:
         device = self._devices.get(measure["device"], {})
         t = device.get("stamp_s")
         names = [name for name in device if re.fullmatch(measure["quantities"], name)]
@@ -313,15 +312,9 @@ class _Run:
             )
             for name, limit in zip(names, _spread(limits, len(names)), strict=True)
         ]
-        return max(
-            (row for row in rows if row is not None),
-            key=lambda row: _share(row[1], row[2]),
-            default=None,
-        )
+        return _nearest(rows)
 
-    def _of_series(
-        self, measure: Mapping[str, str], threshold: str
-    ) -> tuple[float, float, float | None, str] | None:
+    def _of_series(self, measure: Mapping[str, str], threshold: str) -> _Sample | None:
         views = self._series.get(measure["series"], ())
         name = measure["quantity"]
         rows = [
@@ -334,11 +327,7 @@ class _Run:
             for view in views
             if view["values"].get(name)
         ]
-        return max(
-            (row for row in rows if row is not None),
-            key=lambda row: _share(row[1], row[2]),
-            default=None,
-        )
+        return _nearest(rows)
 
     def _limits(self, keys: Sequence[str]) -> tuple[float, ...]:
         for dotted in keys:
@@ -352,12 +341,18 @@ class _Run:
 
 def _peak(
     t: NDArray[np.float64], values: NDArray[np.float64], limit: float | None, name: str
-) -> tuple[float, float, float | None, str] | None:
+) -> _Sample | None:
     finite = np.isfinite(values)
     if not finite.any():
         return None
     at = int(np.argmax(np.where(finite, values, -np.inf)))
     return float(t[at]), float(values[at]), limit, name
+
+
+def _nearest(samples: Iterable[_Sample | None]) -> _Sample | None:
+    """Return the sample nearest to its limit, or beyond it."""
+    known = (sample for sample in samples if sample is not None)
+    return max(known, key=lambda sample: _share(sample[1], sample[2]), default=None)
 
 
 def _rate(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
