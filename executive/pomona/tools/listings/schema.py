@@ -34,11 +34,7 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
         "subtree": _subtree(),
         **{f"skill.{name}": _skill(name, skill) for name, skill in sorted(skills.items())},
     }
-    ports = {
-        "type": ["object", "null"],
-        "propertyNames": {"pattern": _NAME},
-        "additionalProperties": _ref("port"),
-    }
+    ports = _by_name("port")
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Pomona tree file",
@@ -60,13 +56,18 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
             "in": {**ports, "description": "inputs, for a tree that other trees call"},
             "out": {**ports, "description": "outputs, for a tree that other trees call"},
             "root": _ref("node"),
-            "subtrees": {
-                "type": ["object", "null"],
-                "propertyNames": {"pattern": _NAME},
-                "additionalProperties": _ref("subtree"),
-            },
+            "subtrees": _by_name("subtree"),
         },
         "$defs": definitions,
+    }
+
+
+def _by_name(kind: str) -> Schema:
+    """Return a mapping whose keys are names in small letters."""
+    return {
+        "type": ["object", "null"],
+        "propertyNames": {"pattern": _NAME},
+        "additionalProperties": _ref(kind),
     }
 
 
@@ -205,11 +206,7 @@ def _declared(skills: Registry) -> Schema:
 
 
 def _subtree() -> Schema:
-    ports = {
-        "type": ["object", "null"],
-        "propertyNames": {"pattern": _NAME},
-        "additionalProperties": _ref("port"),
-    }
+    ports = _by_name("port")
     return {
         "oneOf": [
             {
