@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -45,6 +45,7 @@ SIMULATED = (
     "mock",
 )  # kinds of cells on which the editor runs a tree; others move real devices
 
+T = TypeVar("T")
 Body = dict[str, Any]
 Facts = dict[str, Any]
 
@@ -178,13 +179,13 @@ class TreeEditor:
         bench = self.workbench
         return [
             ("state", lambda body: bench.state(_text(body))),
-            ("edit", lambda body: bench.edit(_text(body), _mapping(body, "edit"))),
-            ("mend", lambda body: bench.mend(_text(body), _number(body, "number"))),
+            ("edit", lambda body: bench.edit(_text(body), _value(body, "edit", dict))),
+            ("mend", lambda body: bench.mend(_text(body), _value(body, "number", int))),
             (
                 "offers",
                 lambda body: {
                     "ports": bench.offers(
-                        _text(body), _word(body, "definition"), _word(body, "kind")
+                        _text(body), _value(body, "definition", str), _value(body, "kind", str)
                     )
                 },
             ),
@@ -201,24 +202,26 @@ class TreeEditor:
     def _keep_draft(self, body: Body) -> Facts:
         try:
             self.drafts.keep(
-                Draft(_word(body, "page"), _text(body), _word(body, "stamp"), time.time())
+                Draft(
+                    _value(body, "page", str), _text(body), _value(body, "stamp", str), time.time()
+                )
             )
         except OSError as error:
             raise UsageError(f"the draft is not kept: {error.strerror or error}") from error
         return {"kept": True}
 
     def _drop_draft(self, body: Body) -> Facts:
-        self.drafts.drop(_word(body, "page"))
+        self.drafts.drop(_value(body, "page", str))
         return {"kept": False}
 
     def _save(self, body: Body) -> Facts:
-        disk = self.file.save(_text(body), _word(body, "stamp"))
-        self.drafts.drop(_word(body, "page"))
+        disk = self.file.save(_text(body), _value(body, "stamp", str))
+        self.drafts.drop(_value(body, "page", str))
         return {"disk": asdict(disk)}
 
     def _start(self, body: Body) -> Facts:
         """Begin a dry run, the scenarios, or a run on the simulated cell, of a text that has no errors."""
-        kind = _word(body, "kind")
+        kind = _value(body, "kind", str)
         text = _text(body)
         if kind not in REHEARSALS:
             raise UsageError(f"'{kind}' is none of {', '.join(REHEARSALS)}")
@@ -245,7 +248,7 @@ class TreeEditor:
             )
         order = {
             "kind": kind, "dry": kind == "dry", "tree": str(self.file.path), "text": text, "cell": str(self.cell),
-            "seed": _number(body, "seed") if "seed" in body else 0, "settings": settings,
+            "seed": _value(body, "seed", int) if "seed" in body else 0, "settings": settings,
             "real_time": body.get("real_time") is True, "record": str(self.records), "port": free_port(),
             "scenarios": scenarios,
         }  # fmt: skip
@@ -278,24 +281,14 @@ def _text(body: Body) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _word(body: Body, key: str) -> str:
+_KINDS = {str: "a text", int: "a whole number", dict: "an object"}
+
+
+def _value(body: Body, key: str, kind: type[T]) -> T:
+    """Return a value of a request; a missing text is empty. Raises ValueError: it is of another kind."""
     value = body.get(key, "")
-    if not isinstance(value, str):
-        raise ValueError(f"'{key}' is a text")
-    return value
-
-
-def _number(body: Body, key: str) -> int:
-    value = body.get(key)
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise ValueError(f"'{key}' is a whole number")
-    return value
-
-
-def _mapping(body: Body, key: str) -> Body:
-    value = body.get(key)
-    if not isinstance(value, dict):
-        raise ValueError(f"'{key}' is an object")
+    if type(value) is not kind:
+        raise ValueError(f"'{key}' is {_KINDS[kind]}")
     return value
 
 
