@@ -9,10 +9,10 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO
 
 MOST_OUTPUT = 4 * 1024**2  # of a command [bytes]; the rest is dropped
 # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
@@ -42,16 +42,8 @@ class Answer:
         return " ".join(" ".join(line for line in lines if not _EXCERPT.match(line)).split())
 
 
-class Commands(Protocol):
-    """Carries out `pomona` commands."""
-
-    def __call__(self, words: Sequence[str], limit: float) -> Answer:
-        """Carry out a command.
-
-        Args:
-            words: the command and its options, without `pomona`.
-            limit: of its time [s]; then it is stopped.
-        """
+Commands = Callable[[Sequence[str], float], Answer]
+"""Carries out a `pomona` command, given its words without `pomona` and the limit of its time [s]."""
 
 
 class BoundedCommands:
@@ -67,7 +59,7 @@ class BoundedCommands:
         self._records = records
 
     def __call__(self, words: Sequence[str], limit: float) -> Answer:
-        """See `Commands`."""
+        """Carry out a command; after its limit [s] it is stopped."""
         self._records.mkdir(parents=True, exist_ok=True)
         command = [
             sys.executable,
