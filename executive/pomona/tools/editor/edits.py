@@ -50,12 +50,6 @@ def apply(text: str, edit: TreeEdit) -> str:
 
     Raises EditError: the edit cannot be made, or only with a change of something else.
     """
-    if edit.do == "replace":
-        if not 0 <= edit.start <= edit.end <= len(text):
-            raise EditError(
-                f"there are no characters {edit.start} to {edit.end} in a text of {len(text)}"
-            )
-        return text[: edit.start] + edit.text + text[edit.end :]
     mark = BOM if text.startswith(BOM) else ""
     tree = WrittenTree(text[len(mark) :])
     cut = tree.starts[-1] < len(

@@ -6,6 +6,7 @@ from pomona.executive.language.literals import type_word
 from pomona.executive.language.model import TreeFile
 from pomona.executive.language.read_node import NodeReader
 from pomona.executive.nodes import takes
+from pomona.executive.nodes.check import CheckType
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.moving import lift, place_to_fill, put, take_out
@@ -84,6 +85,10 @@ def set_port(patch: TextPatch, edit: TreeEdit) -> None:
     """Set or remove a port. Raises EditError: it has no such value."""
     node = patch.tree.node(edit.node)
     port = edit.word
+    is_condition = node.key is None and port == CheckType.key
+    if is_condition and isinstance(node.holder, YamlMapping) and edit.value is not None:
+        set_entry(patch, node.holder, str(node.path[-1]), edit.value)  # a condition
+        return
     at = node.mapping
     key = node.type_key
     value = node.value

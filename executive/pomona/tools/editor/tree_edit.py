@@ -8,11 +8,11 @@ Addresses of nodes stand in `written_tree`. Messages, as JSON:
     wrap           node, in (a word that takes nodes, or a modifier), value: of a modifier or a condition
     unwrap, delete, duplicate    node
     rename         node, name: empty takes the name away
-    set_port       node, port, value: YAML or null; of a word without ports (check, wait …) the port is the word itself
+    set_port       node, port, value: YAML or null; of a word without ports (check, wait …) the port is the word itself,
+                   of the condition of an `if` it is `check`
     set_modifier   node, modifier (also name, description and fields such as retry_if), value: YAML or null
     comment        node, text: empty takes it away
     set_parameter  name, value: its default, or a whole declaration `{type: int, …}`; null takes it away
-    replace        from, to (offsets in characters of the text, Unicode code points), text: nothing is checked
 
 An empty `into` is the file, whose `root` is missing; `look:` is the subtree of that name.
 """
@@ -25,7 +25,7 @@ from typing import Any
 
 from pomona.tools.editor.written_tree import EditError
 
-_KEYS = {"in": "word", "port": "word", "modifier": "word", "from": "start", "to": "end"}
+_KEYS = {"in": "word", "port": "word", "modifier": "word"}
 _SHAPES: dict[
     str, tuple[dict[str, type], dict[str, type]]
 ] = {  # needed and further keys of each kind
@@ -40,7 +40,6 @@ _SHAPES: dict[
     "set_modifier": ({"node": str, "modifier": str}, {"value": str}),
     "comment": ({"node": str, "text": str}, {}),
     "set_parameter": ({"name": str}, {"value": str}),
-    "replace": ({"from": int, "to": int, "text": str}, {}),
 }
 
 
@@ -79,5 +78,3 @@ class TreeEdit:
     name: str = ""
     value: str | None = None  # YAML
     text: str = ""
-    start: int = 0
-    end: int = 0

@@ -214,12 +214,10 @@ root:
         assert changed(second, whole)[1] == "  n: {type: int, min: 1}\n"
         assert edited(whole, do="set_parameter", name="n", value=None) == second
 
-    def test_typed_text_is_replaced_unchecked(self):
-        assert (
-            apply("a\u00e9b", edit_of({"do": "replace", "from": 1, "to": 2, "text": "["})) == "a[b"
-        )
-        with pytest.raises(EditError, match="no characters 2 to 9"):
-            apply("abc", edit_of({"do": "replace", "from": 2, "to": 9, "text": ""}))
+    def test_a_condition_is_set_as_a_port_of_its_word(self):
+        text = HEAD + '  if: "{a} > 1"   # large\n  then: {Beep: {}}\n'
+        after = edited(text, do="set_port", node="root/0", port="check", value='"{a} > 2"')
+        assert after == text.replace("> 1", "> 2")
 
 
 class TestLists:

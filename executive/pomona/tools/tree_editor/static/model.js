@@ -72,11 +72,8 @@ export function bare(text = "") {
   return /^'[^]*'$/.test(text) ? text.slice(1, -1).replaceAll("''", "'") : text;
 }
 
-// An edit that writes a condition anew; offsets count code points.
-export function rewrite(one, words) {
-  const lines = page.text.split("\n"), at = [...lines.slice(0, one.line - 1).map((line) => `${line}\n`).join("")].length + one.column - 1;
-  return { do: "replace", from: at, to: at + [...one.ports[0].text].length, text: yaml(words) ?? '""' };
-}
+// An edit that writes a condition anew.
+export const rewrite = (one, words) => ({ do: "set_port", node: one.id, port: one.type, value: yaml(words) ?? '""' });
 
 export function yaml(words) {
   if (words === "") return null;
