@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from pomona.executive.language.check import Analysis
 from pomona.executive.language.model import Definition, Document, TreeFile, TreeNode
@@ -30,9 +30,8 @@ def spots_of_name(analysis: Analysis, definition: Definition, name: str) -> Iter
     ]
     for key in {id(key): key for key in declared}.values():
         yield _spot(key)
-    for one in inside:
-        for node in one.root.walk() if one.root is not None else ():
-            yield from _spots_in_node(analysis, node, name)
+    for node in nodes_of(inside):
+        yield from _spots_in_node(analysis, node, name)
     if declared_in(definition, name) is not None:
         for node in _calls(document, definition):
             if name in node.ports:
@@ -54,10 +53,16 @@ def spots_of_subtree(document: Document, name: str) -> Iterator[Spot]:
     """Yield every place of the name by which the main file calls a subtree."""
     for key, _ in _entries(document.main, name):
         yield _spot(key)
-    for one in document.definitions():
-        for node in one.root.walk() if one.root is not None and one.file is document.main else ():
-            if node.type.calls and node.key.text == name:
-                yield _spot(node.key)
+    for node in nodes_of(d for d in document.definitions() if d.file is document.main):
+        if node.type.calls and node.key.text == name:
+            yield _spot(node.key)
+
+
+def nodes_of(definitions: Iterable[Definition]) -> Iterator[TreeNode]:
+    """Yield the nodes of definitions, those that could be read."""
+    for definition in definitions:
+        if definition.root is not None:
+            yield from definition.root.walk()
 
 
 def declared_in(definition: Definition, name: str) -> YamlScalar | None:
@@ -115,10 +120,9 @@ def _entries(file: TreeFile, name: str) -> Iterator[tuple[YamlScalar, YamlNode]]
 
 
 def _calls(document: Document, definition: Definition) -> Iterator[TreeNode]:
-    for one in document.definitions():
-        for node in one.root.walk() if one.root is not None else ():
-            if node.type.calls and document.called(node) is definition:
-                yield node
+    for node in nodes_of(document.definitions()):
+        if node.type.calls and document.called(node) is definition:
+            yield node
 
 
 def _scalars(node: YamlNode, below: set[int]) -> Iterator[YamlScalar]:

@@ -31,6 +31,7 @@ from pomona.tools.editor.renaming import (
     RenameRefused,
     declared_in,
     key_of,
+    nodes_of,
     order,
     spots_in_calls,
     spots_of_name,
@@ -180,15 +181,15 @@ class TreeService:
         parent = place.parent
         above = place.parents[1] if len(place.parents) > 1 else ""
         if not parent:
-            yield from (Offer(word, "word", about, f"{word}: ") for word, about in TOP.items())
+            yield from _words(TOP)
         elif above in ("parameters", "in", "out") and len(place.parents) in (2, 4):
-            yield from (Offer(word, "word", about, f"{word}: ") for word, about in DECLARED.items())
+            yield from _words(DECLARED)
         elif parent in self.skills and (place.flow or self.is_node(place.parents[1:])):
             skill = self.skills[parent]
             yield from _ports(skill.inputs, "input", parent)
             yield from _ports(skill.outputs, "output", parent)
         elif above == "subtrees" and len(place.parents) == 2:
-            yield from (Offer(word, "word", about, f"{word}: ") for word, about in SUBTREE.items())
+            yield from _words(SUBTREE)
         elif (called := self.called(parent)) is not None and parent not in (
             "subtrees",
             "parameters",
@@ -479,12 +480,7 @@ class TreeService:
         """Failure codes of all skills in the file."""
         if self.analysis is None:
             return []
-        nodes = [
-            n
-            for d in self.analysis.document.definitions()
-            if d.root is not None
-            for n in d.root.walk()
-        ]
+        nodes = nodes_of(self.analysis.document.definitions())
         used = {node.key.text for node in nodes}
         found = {code for name in used & self.skills.keys() for code in self.skills[name].failures}
         return sorted({*found, "TIMEOUT", "CONDITION_FALSE", "BAD_VALUE"})
@@ -504,6 +500,10 @@ def _text_of(path: Path) -> str:
         return read_plain_text(path)
     except (OSError, ValueError):
         return ""
+
+
+def _words(table: Mapping[str, str]) -> Iterator[Offer]:
+    yield from (Offer(word, "word", about, f"{word}: ") for word, about in table.items())
 
 
 def _ports(ports: Mapping[str, Port], direction: str, owner: str) -> Iterator[Offer]:
