@@ -31,7 +31,6 @@ class CaseResult:
     status: str
     reason: Reason | None
     time: float
-    ticks: int
     problems: tuple[str, ...]
 
     @property
@@ -79,14 +78,8 @@ class Coverage:
 class ScenarioResult:
     """How a scenario went."""
 
-    scenario: Scenario
     cases: tuple[CaseResult, ...]
     coverage: Coverage
-
-    @property
-    def passed(self) -> bool:
-        """Whether all cases passed."""
-        return all(result.passed for result in self.cases)
 
 
 def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
@@ -102,7 +95,7 @@ def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
             scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks
         )
         results.append(_run_case(case, tree, context.clock, coverage))
-    return ScenarioResult(scenario, tuple(results), coverage)
+    return ScenarioResult(tuple(results), coverage)
 
 
 def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Coverage) -> CaseResult:
@@ -139,7 +132,7 @@ def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Cover
     for path, statuses in seen.items():
         coverage.seen.setdefault(path, set()).update(statuses)
     problems = tuple(_problems(case, status, reason, tree, starts))
-    return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
+    return CaseResult(case, status.name.lower(), reason, clock.now(), problems)
 
 
 def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Iterator[str]]]:

@@ -105,7 +105,7 @@ class TestRunning:
     )
     def test_differences_are_reported(self, scenario, skills, case, problem):
         result = run_scenario(scenario(f"cases: [{case}]"), skills)
-        assert not result.passed
+        assert not result.cases[0].passed
         assert problem in result.cases[0].problems[0]
 
     def test_outputs_of_mocks_are_seen_by_conditions(self, tmp_path, skills):
