@@ -53,7 +53,7 @@ MALICIOUS: dict[str, tuple[str, dict[str, Any], str]] = {
     "a file among the records": ("write_file", {"path": "runs/t.yaml", "text": TREE}, "no place for a tree"),
     "a hidden file": ("write_file", {"path": ".git/hooks.yaml", "text": TREE}, "no place for a tree"),
     "a program": ("write_file", {"path": "t.py", "text": TREE}, "end with .yaml"),
-    "a cell file": ("write_file", {"path": "c.yaml", "text": "kind: simulated\ndevices: {}\n"}, "this text is cell"),
+    "a cell file": ("write_file", {"path": "c.yaml", "text": "kind: simulated\ndevices: {}\n"}, "cell is not written"),
     "a text that is no tree": ("write_file", {"path": "t.yaml", "text": "a: 1\n"}, "no YAML of a known kind"),
     "a text of ten megabytes": ("write_file", {"path": "t.yaml", "text": TREE + "#" * 10_000_000}, "256 KiB"),
     "writing over a file that was not read": ("write_file", {"path": "look.yaml", "text": TREE}, "exists"),
@@ -137,7 +137,8 @@ def test_many_findings_and_long_drawings_are_cut(assistant: Assistant) -> None:
         "write_file", path="t.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}"
     )
     found = json.loads(assistant.call("check", path="t.yaml"))
-    assert (found["errors"], len(found["findings"]), found["left out"]) == (150, 100, 50)
+    said = found["errors"], len(found["findings"]), found["left out"]
+    assert said == (150, 100, 51)  # one is a note about the cell
     nodes = "".join(
         f"    - MoveTo: {{pose: home}}\n      description: {'long ' * 40}\n" for _ in range(900)
     )
