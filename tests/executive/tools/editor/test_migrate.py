@@ -84,9 +84,16 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
         "pick_tree.yaml",  # the apples of a wall; it keeps what remains
         {},
         [
-            *("19:74 shadow", "19:89 foliage", "31:90 start_free", "56:187 start_free"),
-            *("56:205 raise_again", "62:208 start_free", "62:226 raise_again", "90:127 shadow"),
-            *("90:142 foliage", "90:156 target_margin", "92:15 SampleHanging", "115:11 Detach"),
+            *(
+                "19:74 shadow",
+                "19:89 foliage",
+                "31:90 start_free",
+                "56:116 fast",
+                "56:187 start_free",
+            ),
+            *("56:205 raise_again", "62:116 fast", "62:131 slow_within", "62:208 start_free"),
+            *("62:226 raise_again", "90:127 shadow", "90:142 foliage", "90:156 target_margin"),
+            *("92:15 SampleHanging", "115:11 Detach"),
         ],
     ),
     (
