@@ -136,7 +136,7 @@ FAILED: tuple[Event, ...] = (
     NodeChanged(0.5, 25, "a/Plan", "FAILURE", "no path", 1, REASON),
     AttemptEnded(0.5, 25, "a", 1, 2, False, REASON),
     NodeChanged(0.9, 45, "a/Plan", "FAILURE", "no path", 2, REASON),
-    RunEnded(1.0, 50, "failure", REASON, 50, 1.0, 2.0, {"lifted": False}),
+    RunEnded(1.0, 50, "failure", REASON, 50, 1.0, 2.0, {"lifted": False}, {"count": 2}),
 )
 SUCCEEDED: tuple[Event, ...] = (started(), RunEnded(1.5, 75, "success", None, 75, 1.5, 0.2, None))
 

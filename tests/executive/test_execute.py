@@ -162,6 +162,17 @@ def test_a_warning_of_the_preparation_stands_in_its_line_on_terminal_and_page(
     assert not [handler for handler in handlers if isinstance(handler, module._Notes)]
 
 
+def test_a_reader_who_leaves_during_the_preparation_ends_it_as_a_reader_who_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def prepare(_runner: Runner, _tell: Callable[[str, int, int], None]) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(Runner, "prepare", prepare)
+    with pytest.raises(BrokenPipeError):
+        execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True))
+
+
 def test_a_stop_during_the_preparation_is_a_recorded_run_without_a_tick(tmp_path: Path) -> None:
     def stop_when_preparing() -> None:
         if starting.stage is not None and starting.stage.done == 1 and not starting.cancelled:

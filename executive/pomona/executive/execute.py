@@ -512,7 +512,7 @@ def _prepare(runner: Runner, starting: Starting) -> None:
     logging.getLogger("pomona").addHandler(notes)
     try:
         runner.prepare(tell)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, BrokenPipeError):  # BrokenPipeError: `pomona run … | head`
         raise
     except StartCancelledError:  # the run is stopped before its first tick, and recorded
         return

@@ -68,6 +68,7 @@ class RunView:
     """
 
     desk: OperatorDesk | None = None  # of an opened view at which operators act
+    files: tuple[str, ...] = ()  # names of what it leaves in a run's folder
 
     def add(self, parser: argparse.ArgumentParser) -> None:
         """Add the view's options to `pomona run`."""

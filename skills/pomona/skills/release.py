@@ -28,8 +28,7 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.carrying import CONTACT
-from pomona.skills.shared.contact_check import EXPECTED, Descent, Jolted, lower_to_support
+from pomona.skills.shared.contact_check import BLOCKED, EXPECTED, Descent, Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, note_press
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
@@ -75,9 +74,9 @@ class Release(PoseSkill):
         "HAND_UNCLEAR",
         "LOST",
         "NO_CONTACT",
-        "LOWERING_BLOCKED",
+        BLOCKED,
     )
-    renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
+    renamed_failures: ClassVar = {"NO_WAY_DOWN": BLOCKED}
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
@@ -152,7 +151,7 @@ class Release(PoseSkill):
         gripper = self.device(Gripper)
         before = tool_pose(self)[2, 3]
         space = space_around(self, map, clearance)
-        way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
+        way = vertical_way(self, -depth, BLOCKED, space)
         ends_on = not feels_support(self)
         met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
@@ -167,7 +166,7 @@ class Release(PoseSkill):
         descent = Descent(way, Manner(speed, *TOUCHING))
         if met is not None and grasp is not None:
             descent = self._descent(way, met, self._stands(grasp), speed)
-        yield from self._lower(descent, speed, depth, space, hold, grasp, ends_on)
+        yield from self._lower(descent, speed, depth, space, grasp, ends_on)
         width = self._opening(space)
         if hold is not None:
             note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
@@ -196,7 +195,7 @@ class Release(PoseSkill):
             self.account(
                 PUT_AWAY, f"{by}; the fingers are open, {1e3 * gripper.state().width:.0f} mm"
             )
-        way = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
+        way = vertical_way(self, before - tool_pose(self)[2, 3], BLOCKED)
         yield from follow_way(self, way, RISING, lambda: next(opening, None))
         yield from opening
 
@@ -219,7 +218,6 @@ class Release(PoseSkill):
         speed: float,
         depth: float,
         space: ArmSpace,
-        hold: Hold | None,
         grasp: Grasp | None,
         ends_on: bool,
     ) -> Watching:
@@ -228,15 +226,13 @@ class Release(PoseSkill):
         opened = self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
-                words = yield from lower_to_support(
-                    self, descent, hold, grasp, CONTACT, "LOWERING_BLOCKED", opened, ends_on
-                )
+                words = yield from lower_to_support(self, descent, grasp, opened, ends_on)
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
                 descent = Descent(
-                    vertical_way(self, -left, "LOWERING_BLOCKED", space), Manner(speed, *TOUCHING)
+                    vertical_way(self, -left, BLOCKED, space), Manner(speed, *TOUCHING)
                 )
             else:
                 if not words:

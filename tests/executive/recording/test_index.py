@@ -41,6 +41,7 @@ def test_an_entry_holds_outcome_codes_durations_hashes_and_commit(runs: Path) ->
     assert oldest.git == "0123abc"
     assert oldest.settings == {"fruit": "apple_5"}
     assert oldest.truth == {"lifted": False}
+    assert (oldest.account, newest.account) == ({"count": 2}, None)
     assert RunIndex(runs).read() == [newest, oldest]  # from the file
 
 
@@ -106,8 +107,8 @@ def test_an_index_that_is_none_is_made_again(runs: Path, content: bytes) -> None
 @pytest.mark.parametrize(
     "change",
     [
-        {"codes": [1, 2]}, {"codes": {"NO_PATH": "two"}}, {"settings": {"a": 1}}, {"truth": 7}, {"seed": "three"},
-        {"wall_time": "noon"}, {"state": 7}, {"picture": 5}, {"outcome": ["success"]}, {"unknown": 1, "run": None},
+        {"codes": [1, 2]}, {"codes": {"NO_PATH": "two"}}, {"settings": {"a": 1}}, {"truth": 7}, {"account": 7},
+        {"seed": "three"}, {"wall_time": "noon"}, {"state": 7}, {"picture": 5}, {"outcome": ["success"]}, {"unknown": 1, "run": None},
     ],
 )  # fmt: skip
 def test_an_entry_with_anything_in_it_is_read_from_its_record(

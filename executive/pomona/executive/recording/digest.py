@@ -95,7 +95,8 @@ class Digest:
     time: float | None = None  # duration on the run's clock [s]
     wall: float | None = None  # duration on the wall clock [s]
     ticks: int | None = None
-    truth: Mapping[str, Any] | None = None
+    truth: Mapping[str, Any] | None = None  # a simulated world's score
+    account: Mapping[str, Any] | None = None  # the robot's own result, as `Account.report`
     # largest sample of each measured quantity, by its name with its unit
     peaks: Mapping[str, float] = field(default_factory=dict)
     bytes: int = 0  # size of its MCAP file
@@ -207,14 +208,13 @@ def _cell_texts(event: Mapping[str, Any]) -> tuple[Any, ...]:
 def _end(event: Mapping[str, Any]) -> dict[str, Any]:
     reason = event["reason"]
     ticks = event["ticks"]
-    truth = event["truth"]
     return {
         "state": "ended",
         "outcome": _text(event["outcome"]),
         "time": _number(event["time"]),
         "wall": _number(event["wall"]),
         "ticks": ticks if isinstance(ticks, int) and abs(ticks) < 2**63 else None,
-        "truth": None if truth is None else _mapping(truth),
+        **{it: event.get(it) and _mapping(event[it]) for it in ("truth", "account")},
         "code": None if reason is None else _text(reason["code"], MOST_CODE),
         "message": None if reason is None else _text(_last_cause(reason)["message"]),
     }

@@ -68,7 +68,7 @@ def remove(folder: Path) -> str:
         if folder.is_symlink():
             folder.unlink()
             return ""
-        for name in chain(WRITTEN, *(getattr(view, "files", ()) for view in RunViews.installed())):
+        for name in chain(WRITTEN, *(view.files for view in RunViews.installed())):
             (folder / name).unlink(missing_ok=True)
         if any(folder.iterdir()):
             return (

@@ -9,9 +9,9 @@ from pomona.drivers.fruit_body import HARD_MODULUS
 from pomona.drivers.interfaces import Gripper, Motion
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.grip.hold import Hold, current_hold
+from pomona.skills.grip.hold import current_hold
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
+from pomona.skills.shared.carrying import CONTACT, RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, note_press, show_grip, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
@@ -36,6 +36,8 @@ EXPECTED = 0.004
 """Height beside that of the known support within which a contact is believed as it is [m]: a drift drops the fruit by
 no more."""
 
+BLOCKED = "LOWERING_BLOCKED"
+
 LOST = "the fruit was lost on the way down"
 
 
@@ -56,25 +58,21 @@ class Jolted(Exception):
 def lower_to_support(
     skill: MovingSkill,
     descent: Descent,
-    hold: Hold | None,
     grasp: Grasp | None,
-    contact: float,
-    code: str,
     opened: float,
     ends_on: bool = False,
 ) -> Work[str]:
     """Go down until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a higher
-    acceleration than `GENTLE` adds the inertia of the fruit. A contact where the fruit is known to stand needs no other
-    proof. Fingers that something beside the fruit pushes end the way down with `code`; `opened` is their width before
-    it [m]. `ends_on`: the way ends on a known support.
+    Returns an empty text then, or why none does. A higher acceleration than `GENTLE` adds the inertia of the fruit to
+    the change of load that shows contact. A contact where the fruit is known to stand needs no other proof. Fingers that
+    something beside the fruit pushes end the way down with `BLOCKED`; `opened` is their width before it [m]. `ends_on`:
+    the way ends on a known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit = contact
-    most = contact
+    limit = most = CONTACT
     moving: Motion | None = None
     gripper = skill.device(Gripper)
     lost = watch_fruit(skill)
@@ -83,9 +81,9 @@ def lower_to_support(
         def expect(motion: Motion, accelerated: float) -> None:
             nonlocal limit, most
             inertia = touch.at_first() * (accelerated - GENTLE) / GRAVITY
-            limit = touch.limit(contact, accelerated) + inertia
+            limit = touch.limit(CONTACT, accelerated) + inertia
             # a support takes the fruit's weight from it
-            most = hand.limit(contact + touch.at_first(), accelerated)
+            most = hand.limit(CONTACT + touch.at_first(), accelerated)
             touch.forget_change()
             hand.forget_change()
             rest_on_contact(skill, limit)
@@ -102,6 +100,7 @@ def lower_to_support(
             if moving is not None and tool_pose(skill)[2, 3] < descent.slow_below:
                 expect(moving, GENTLE)
                 moving = None
+            hold = current_hold(gripper)
             if hold is not None:
                 show_grip(skill, hold)
             if touch.change > limit:  # first: the support's push may unload a finger
@@ -109,14 +108,15 @@ def lower_to_support(
             if why := lost():
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
-            if current_hold(gripper) is None and abs(width - opened) > PUSHED:
+            if hold is None and abs(width - opened) > PUSHED:
                 words = (
                     f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
                 )
-                raise skill.failure(code, f"{words}; the fruit is still held")
+                raise skill.failure(BLOCKED, f"{words}; the fruit is still held")
             if hand.change > most:
                 raise skill.failure(
-                    code, f"a finger met something ({hand.change:.1f} N); the fruit is still held"
+                    BLOCKED,
+                    f"a finger met something ({hand.change:.1f} N); the fruit is still held",
                 )
 
         try:
@@ -126,7 +126,7 @@ def lower_to_support(
         except TouchedDown:
             doubt = ""
             if not abs(tool_pose(skill)[2, 3] - descent.stands) < EXPECTED:
-                doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
+                doubt = yield from contact_doubt(skill, touch, touch.limit(CONTACT, 0.0))
             if not doubt:
                 fruit = grasp.fruit if grasp else None
                 note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
@@ -134,19 +134,19 @@ def lower_to_support(
     return "" if ends_on else "the fruit met nothing"
 
 
-def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[str]:
+def contact_doubt(skill: MovingSkill, touch: Touch, contact: float) -> Work[str]:
     """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
 
-    The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `code`: the tool cannot move
+    The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `BLOCKED`: the tool cannot move
     vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact.
 
-    Raises Jolted: the change of load has gone again, and the arm is where it was; SkillFailure: LOST, or the code.
+    Raises Jolted: the change of load has gone again, and the arm is where it was; SkillFailure: LOST, or `BLOCKED`.
     """
     yield from skill.wait(RESTING)
     _require_fruit(skill)
     if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
         raise Jolted
-    if (yield from _hangs_when_raised(skill, touch, contact, code)):
+    if (yield from _hangs_when_raised(skill, touch, contact)):
         return ""
     _require_fruit(skill)
     return "the change of load stays when the fruit is raised again: the fingers drift"
@@ -157,14 +157,14 @@ def _require_fruit(skill: MovingSkill) -> None:
         raise skill.failure("LOST", f"{LOST}: it presses on neither finger")
 
 
-def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float, code: str) -> Work[bool]:
+def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float) -> Work[bool]:
     """Return True if the load goes back by at least half a contact while the fruit is raised; ends where it began.
 
     The load of sensors that drift or get another bias does not go back with a motion.
     """
     below = touch.average()
-    yield from follow_way(skill, vertical_way(skill, RAISED, code), RAISING)
+    yield from follow_way(skill, vertical_way(skill, RAISED, BLOCKED), RAISING)
     yield from skill.wait(RESTING)
     raised = touch.average()
-    yield from follow_way(skill, vertical_way(skill, -RAISED, code), RAISING)
+    yield from follow_way(skill, vertical_way(skill, -RAISED, BLOCKED), RAISING)
     return touch.gone_back(below, raised) > 0.5 * contact

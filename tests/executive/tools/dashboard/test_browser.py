@@ -842,6 +842,26 @@ def test_fruit_and_damage_of_a_simulated_run_stand_in_its_row(show: Show, open_p
     expect(page.locator("#runs tbody .damage.warn")).to_have_text("1 bruised, 3 hit")
 
 
+def test_fruit_and_press_that_the_robot_counts_stand_where_no_world_knows_better(
+    show: Show, open_page: Open
+) -> None:
+    show.record(JAM, "old_1")
+    page = open_page()
+    account = {
+        "count": 3,
+        "pressed": "Lift: the pads pressed a fruit with 6.1 N, 0.59 of its limit",
+    }
+    page.route(
+        "**/api/runs",
+        lambda route: route.fulfill(
+            json=[{**run, "truth": None, "account": account} for run in route.fetch().json()]
+        ),
+    )
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#runs tbody .fruit")).to_have_text("3")
+    expect(page.locator("#runs tbody .damage")).to_contain_text("6.1 N, 0.59 of its limit")
+
+
 def with_truth(answer: Any, truth: dict[str, int]) -> list[dict[str, Any]]:
     return [{**run, "truth": truth} for run in answer.json()]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
@@ -14,7 +13,7 @@ from pomona.executive.cli import main
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.run_views import RunViews
+from pomona.executive.run_views import RunView, RunViews
 
 TREE = """\
 pomona: 1
@@ -235,7 +234,10 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
 def test_prune_removes_what_a_view_of_the_run_left_there(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    views = [SimpleNamespace(files=("note.json",)), SimpleNamespace()]
+    class Noting(RunView):
+        files = ("note.json",)
+
+    views = [Noting(), RunView()]
     monkeypatch.setattr(RunViews, "installed", lambda: views)
     for name in ("a", "b"):
         write(Path("runs") / name, SUCCEEDED)
