@@ -8,7 +8,7 @@ Needs the distribution pomona.
 import numpy as np
 
 from pomona.skills.grip.controller import GripController
-from pomona.skills.grip.limit_surface import SoftContact, grasp_force
+from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.settings import GripSettings
 
 # [N/m], [m], [N], [s]
@@ -39,5 +39,5 @@ for n in range(1500):
             f"{(n + 1) * PERIOD:.1f} s  {controller.phase.name:<8} grip {2 * normal:5.2f} N  load {2 * load:4.2f} N"
         )
 
-needed = grasp_force(f_t=(WEIGHT / 2, WEIGHT / 2), tau_n=(0.0, 0.0), contact=contact)
-print(f"minimum grip force of this load with margin: {needed:.2f} N")
+needed = least_force([WEIGHT / 2, WEIGHT / 2], [0.0, 0.0], contact).sum()
+print(f"minimum grip force of this load, without a margin: {needed:.2f} N")

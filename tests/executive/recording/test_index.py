@@ -108,7 +108,8 @@ def test_an_index_that_is_none_is_made_again(runs: Path, content: bytes) -> None
     "change",
     [
         {"codes": [1, 2]}, {"codes": {"NO_PATH": "two"}}, {"settings": {"a": 1}}, {"truth": 7}, {"account": 7},
-        {"seed": "three"}, {"wall_time": "noon"}, {"state": 7}, {"picture": 5}, {"outcome": ["success"]}, {"unknown": 1, "run": None},
+        {"seed": "three"}, {"wall_time": "noon"}, {"state": 7}, {"picture": 5}, {"outcome": ["success"]},
+        {"unknown": 1, "run": None},
     ],
 )  # fmt: skip
 def test_an_entry_with_anything_in_it_is_read_from_its_record(
