@@ -18,7 +18,6 @@ from pomona.skills.lift import Lift
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.open_fingers import OpenFingers
-from pomona.skills.pivot import Pivot
 from pomona.skills.retreat import Retreat
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.overhead import Overhead, watched
@@ -102,8 +101,7 @@ def test_a_camera_whose_frames_are_untrue_lets_nothing_move(name: str, code: str
 
 
 @pytest.mark.parametrize("code", ["PATH_BLOCKED", "POSE_MISMATCH", "DEPTH_MISMATCH"])
-@pytest.mark.parametrize("skill", [FeelFriction(), Pivot()], ids=["FeelFriction", "Pivot"])
-def test_the_pads_do_not_slide_over_the_fruit_either(skill: Skill, code: str) -> None:
+def test_the_pads_do_not_slide_over_the_fruit_either(code: str) -> None:
     scene = Standing()
     hold = scene.grasp()
     notice_of(scene.clock).why = "a moving object entered"
@@ -111,7 +109,7 @@ def test_the_pads_do_not_slide_over_the_fruit_either(skill: Skill, code: str) ->
     above.untrue = "" if code == "PATH_BLOCKED" else code
     q = scene.arm.q.copy()
     seen = scene.devices if code == "PATH_BLOCKED" else devices
-    end = drive(skill, {"hold": hold}, seen, clock=scene.clock)
+    end = drive(FeelFriction(), {"hold": hold}, seen, clock=scene.clock)
     assert end.reason is not None
     assert end.reason.code == code
     assert hold.holds

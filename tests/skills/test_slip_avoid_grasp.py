@@ -1,8 +1,7 @@
-"""The skills SlipAvoidGrasp and Pivot on mock devices: success, every failure code, interruption, later nodes."""
+"""The skill SlipAvoidGrasp on mock devices: success, every failure code, interruption, later nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +22,6 @@ from pomona.skills.grip.closing import PickTouches, skin_along
 from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import fruit_points
-from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.arm import MockArm
 from pomona.tools.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
@@ -49,7 +47,7 @@ class Rig:
             Pads: finger_pads(),
         }
 
-    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: Any) -> SkillEnd:
+    def drive(self, skill: SlipAvoidGrasp | None = None, **kwargs: Any) -> SkillEnd:
         inputs = kwargs.pop("inputs", {})
         return drive(skill or SlipAvoidGrasp(), inputs, self.devices, clock=self.clock, **kwargs)  # type: ignore[arg-type]
 
@@ -428,88 +426,12 @@ def test_a_lost_gripper_is_reported_and_asked_again() -> None:
     assert hold.problem is None
 
 
-# -------------------------------------------------------------------------------------------------------- pivot
-
-
-def pivoting_fruit(
-    rig: Rig, hold: Hold, weight: float, lever: float, capacity: Callable[[float], float]
-) -> None:
-    """A fruit whose lever shrinks as soon as the grasp force of a pivoting grip no longer holds its moment."""
-    press = rig.fingers.feel
-    state = {"lever": lever}
-
-    def feel(now: float) -> np.ndarray:
-        wrenches = press(now)
-        f_n = -2.0 * wrenches[0, 2]
-        if hold.phase is GripPhase.PIVOTING:
-            state["lever"] = min(state["lever"], max(capacity(f_n) / weight, 0.0))
-        wrenches[:, 0] += 0.5 * weight
-        wrenches[:, 5] += 0.5 * weight * state["lever"] * np.array([1.0, -1.0])
-        return wrenches
-
-    rig.fingers.feel = feel
-
-
-def test_pivot_lets_the_fruit_hang_plumb_and_holds_it_again() -> None:
-    rig = Rig()
-    hold = rig.grasp()
-    pivoting_fruit(rig, hold, 2.0, 0.012, lambda f_n: 0.004 * max(f_n - 2.0 / 0.75, 0.0))
-    rig.clock.advance(2.0)
-    before = hold.reading
-    assert before.tau_n == pytest.approx(0.024, rel=0.05)
-    outcome = rig.drive(Pivot(), inputs={"hold": hold})
-    assert outcome.status is Status.SUCCESS
-    assert hold.phase is GripPhase.HOLDING
-    after = hold.reading
-    assert abs(after.tau_n) < 0.008
-    assert after.f_n < before.f_n
-    assert after.f_n > 2.0 / 0.75
-
-
-def test_pivot_that_leaves_the_fruit_tilted_reports_it() -> None:
-    rig = Rig()
-    hold = rig.grasp()
-    rig.carry(2.0, moment=0.02)
-    assert code(rig.drive(Pivot(), inputs={"hold": hold})) == "NOT_PLUMB"
-    assert hold.phase is GripPhase.HOLDING
-
-
-def test_pivot_without_a_fruit_is_not_held() -> None:
-    rig = Rig()
-    hold = rig.grasp()
-    take_over(rig.gripper)
-    assert code(rig.drive(Pivot(), inputs={"hold": hold})) == "NOT_HELD"
-
-
-def test_pivot_interrupted_holds_against_turning_again() -> None:
-    rig = Rig()
-    hold = rig.grasp()
-    rig.carry(2.0, moment=0.02)
-    rig.clock.advance(1.0)
-    rig.drive(Pivot(), inputs={"hold": hold}, interrupt_after=5)
-    assert hold.phase is GripPhase.HOLDING
-    rig.clock.advance(1.0)
-    assert hold.reading.f_n > hold.reading.f_least
-
-
-def test_pivot_passes_on_failures() -> None:
-    rig = Rig()
-    hold = rig.grasp()
-
-    def each_tick(tick: int) -> None:
-        if tick == 3:
-            rig.fingers.feel = lambda _now: np.zeros((2, 6))
-
-    assert code(rig.drive(Pivot(), inputs={"hold": hold}, each_tick=each_tick)) == "LOST"
-
-
 def test_a_skill_that_has_ended_commands_its_grip_no_more() -> None:
     rig = Rig()
     hold = rig.grasp()
     f_ref = hold.reading.f_ref
     for name, arguments in (
         ("slide", (0.5,)),
-        ("pivot", (True,)),
         ("rest_on_contact", (0.35,)),
         ("set_friction", (hold.settings.contact, 0.0, 0.6)),
         ("take_over", ()),

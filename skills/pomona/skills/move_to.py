@@ -51,6 +51,6 @@ class MoveTo(PoseSkill):
             carrying,
             clearance,
             budget,
-            avoiding,
+            filter(None, (avoiding,)),
             speed,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -28,18 +29,20 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.contact_check import BLOCKED, EXPECTED, Descent, Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, note_press
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, is_pressed, note_press
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, space_around
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
-LOWERING = Manner(0.3, 2.0, 25.0)  # of the fruit on its way to a known support
+LOWERING = Manner(0.3, 1.0, 10.0)  # of the fruit on its way to a known support
 # acceleration [m/s²] and jerk [m/s³] where a support may be: with twice as much, inertia resembles a contact
 TOUCHING = (0.5, 5.0)
-NEAR = 0.007  # height over a known support at which lowering slows down [m]
+NEAR = 0.012  # height over a known support at which lowering slows down [m]
+COVERED = 0.017  # so far above it the fruit may count as met: its spheres protrude by 12 mm [m]
 SETTLED = 0.003  # way over which the inertia of braking dies away then [m]
 LANDING = 0.008  # speed where the fruit is known to stand [m/s]
 RISING = Manner(1.0, 6.0, 80.0)  # of the empty gripper's way up
@@ -77,6 +80,10 @@ class Release(PoseSkill):
         BLOCKED,
     )
     renamed_failures: ClassVar = {"NO_WAY_DOWN": BLOCKED}
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._placed: dict[int, MeasuredFruit] = {}  # by the variation of the pose
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
@@ -122,7 +129,7 @@ class Release(PoseSkill):
             Speed,
             Port(
                 min="1 mm/s",
-                max="0.1 m/s",
+                max="0.04 m/s",
                 help="speed of lowering where a support may be, and is not known",
             ),
         ] = SPEED("0.02 m/s"),
@@ -146,6 +153,7 @@ class Release(PoseSkill):
                 map,
                 grasp,
                 clearance,
+                avoiding=(fruit for at, fruit in self._placed.items() if at < variation),
                 carried_acceleration=acceleration,
             )
         gripper = self.device(Gripper)
@@ -171,33 +179,36 @@ class Release(PoseSkill):
         if hold is not None:
             note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
         take_over(gripper)
-        opening = self._open(width)
-        try:
-            yield from self._rise(opening, before, into is not None, ends_on)
-        finally:
-            opening.close()
+        if grasp is not None:
+            moved = tool_pose(self) @ inverse(grasp.T_base_grasp)
+            T_base_fruit = moved @ grasp.fruit.T_base_fruit
+            self._placed[variation] = replace(grasp.fruit, T_base_fruit=T_base_fruit)
+        yield from self._rise(width, before, into is not None, ends_on)
 
-    def _rise(self, opening: Watching, before: float, is_place: bool, ends_on: bool) -> Watching:
-        """Rise to a height of the tool [m] as soon as the fingers are off the fruit, while they open on."""
+    def _rise(self, width: float, before: float, is_place: bool, ends_on: bool) -> Watching:
+        """Open the fingers [m]; rise to a height of the tool [m] once they are off the fruit, while they open on."""
         gripper = self.device(Gripper)
-        off = gripper.state().width + OFF
+        start = gripper.state().width
         plain = self.optional_device(ForceSensor) is None
-        for words in opening:
-            yield words
-            if not plain and gripper.state().width > off:
-                break
+        yield from self._open(width if plain else min(width, start + OFF), start)
         if plain and (left := between(gripper.state(), gripper.limits)):
             raise self.failure(
                 "HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held"
             )
+        opening = self._open(width, start)
+        if not plain and is_pressed(self):  # soft pads
+            yield from opening
         if is_place:
             by = "width over a known support" if ends_on else "pads or wrist, a support carries it"
             self.account(
                 PUT_AWAY, f"{by}; the fingers are open, {1e3 * gripper.state().width:.0f} mm"
             )
         way = vertical_way(self, before - tool_pose(self)[2, 3], BLOCKED)
-        yield from follow_way(self, way, RISING, lambda: next(opening, None))
-        yield from opening
+        try:
+            yield from follow_way(self, way, RISING, lambda: next(opening, None))
+            yield from opening
+        finally:
+            opening.close()
 
     def _not_held(self) -> Exception:
         """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
@@ -278,20 +289,22 @@ class Release(PoseSkill):
     def _descent(self, way: Float64, met: int, stands: float, speed: float) -> Descent:
         """Return the way down that is fast until shortly before the first contact, then slow."""
         heights = self._heights(way)
-        near = heights[met] if np.isnan(stands) else stands + NEAR
+        if not heights[met] <= stands + COVERED:  # something else is met first
+            stands = np.nan
+        near = NEAR + (heights[met] if np.isnan(stands) else stands)
         at = np.arange(heights[0], heights[-1], -5e-4)
         most = np.where(at > near, LOWERING.speed, speed)
         most[np.abs(at - stands) < EXPECTED] = min(speed, LANDING)
-        return Descent(way, LOWERING, most, near - SETTLED, stands)
+        slow_below = near - SETTLED if np.isnan(stands) else stands + EXPECTED
+        return Descent(way, LOWERING, most, slow_below, stands)
 
-    def _open(self, width: float) -> Watching:
-        """Open the fingers to a width [m]; something beside the fruit may block them once they have released it."""
+    def _open(self, width: float, start: float) -> Watching:
+        """Open the fingers from and to a width [m]; once off the fruit, something beside it may block them."""
         gripper = self.device(Gripper)
-        start = gripper.state().width
         try:
             yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         except SkillFailure as failed:
-            released = gripper.state().width - start > OFF
+            released = gripper.state().width - start > OFF - 1e-3
             if failed.failure.code != "MOTION_FAILED" or not released:
                 raise
 

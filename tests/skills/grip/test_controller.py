@@ -109,35 +109,6 @@ def test_a_trial_repeats_itself_exactly() -> None:
     assert np.abs(np.array(first.trace.f_n) - np.array(again.trace.f_n)).max() < 1e-9
 
 
-def test_pivoting_turns_the_fruit_until_it_hangs_plumb_and_hardly_lets_it_slide() -> None:
-    fruit = Fruit(mass=0.15, mu=0.7, offset=(0.008, -0.006))
-    grasp, controller = PatchGrasp(fruit), GripController(settings_of(fruit, offset=0.015))
-    lifting, rng = Lifting(acceleration=1.0), np.random.default_rng(0)
-    held = pivoted = np.inf
-    lever, before, place, i = np.inf, np.inf, (0.0, 0.0), 0
-    while 0.002 * i < pivoted + 5.0:
-        t = 0.002 * i
-        wrenches = grasp.step() + rng.normal(0.0, 0.05, (2, 6)) * [1, 1, 1, 0.005, 0.005, 0.005]
-        controller.width = grasp.width
-        controller.step(t, i, wrenches)
-        grasp.command = controller.speed
-        lever = abs(controller.estimate.tau_n) / max(controller.estimate.f_t, 0.1)
-        if held == np.inf and controller.phase is GripPhase.HOLDING:
-            held = t
-        grasp.acceleration = lifting.acceleration_at(t - held - 0.04)
-        if pivoted == np.inf and t > held + lifting.duration + 1.0:
-            pivoted, before, place = t, lever, grasp.place
-            controller.pivot(True)
-        i += 1
-    assert before == pytest.approx(0.008, rel=0.1)
-    assert lever < 0.003
-    assert abs(np.degrees(grasp.turn)) > 30.0
-    assert np.hypot(grasp.place[0] - place[0], grasp.place[1] - place[1]) < 0.003
-    assert grasp.off_table
-    controller.pivot(False)
-    assert controller.phase is GripPhase.HOLDING
-
-
 # --------------------------------------------------------------------------------------------------- bad input
 
 

@@ -138,11 +138,6 @@ def test_the_tables_friction_may_load_one_finger_but_a_finger_that_reads_nothing
     assert state(pressing(0.4, 3.5), mode=mode).has_dead_finger  # more than the friction of a table
 
 
-def test_a_turning_fruit_needs_the_force_for_its_weight_only() -> None:
-    now = state(pressing(f_least=9.0, f_coulomb=2.0), mode=GripMode.PIVOTING)
-    assert samples_until(slip_monitor(), now) == 500
-
-
 def test_twice_the_other_finger_counts_when_one_reads_nothing() -> None:
     assert state(pressing(0.1, 2.0)).counted_force == 4.0
     assert state(pressing(1.0, 2.0)).counted_force == 2.0

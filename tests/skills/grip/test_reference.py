@@ -234,11 +234,11 @@ def test_a_mode_that_a_skill_asked_for_ends_where_it_began(is_lifted: bool) -> N
     assert reference.is_carried is is_lifted
     reference.slide(None)
     assert reference.mode is before
-    reference.pivot(True)
-    reference.slide(None)  # nothing to end
-    assert reference.mode is GripMode.PIVOTING
-    reference.pivot(False)
+    assert reference.slide(None)  # nothing to end
     assert reference.mode is before
+    reference.fail()
+    assert not reference.slide(0.7)
+    assert reference.mode is GripMode.FAILED
 
 
 def test_doubt_about_the_sensors_ends_catching() -> None:

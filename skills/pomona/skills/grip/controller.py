@@ -219,11 +219,6 @@ class GripController:
             self.width,
         )
 
-    def pivot(self, on: bool) -> None:
-        """While holding: let the fruit turn under gravity until it hangs plumb, or hold it again as it hangs."""
-        if self._reference.pivot(on):
-            self._slips.start()
-
     def slide(self, force: float | None) -> None:
         """While holding: press with this grip force [N] and let the pads slide over the fruit; None: hold again."""
         if self._reference.slide(force) and force is None:

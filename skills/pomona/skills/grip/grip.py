@@ -27,7 +27,6 @@ class GripPhase(Enum):
     CLOSING = "closing"
     RAMP = "raising the force"
     HOLDING = "holding"
-    PIVOTING = "pivoting"
     SLIDING = "letting the pads slide"
     FAILED = "failed"
     ENDED = "ended"
@@ -43,7 +42,6 @@ class GripMode(Enum):
     LIFTING = "taking the load over from the table"
     CARRIED = "carrying the fruit"
     CATCHING = "catching a fruit that was hit"
-    PIVOTING = "letting the fruit turn"
     SLIDING = "letting the pads slide"
     FAILED = "failed before the fruit was held"
     ENDED = "ended"
@@ -61,8 +59,7 @@ HELD = (
     GripMode.CATCHING,
 )  # modes of `HOLDING`
 HANGING = (GripMode.CARRIED, GripMode.CATCHING)  # modes of a fruit that hangs in the fingers
-REQUESTED = (GripMode.PIVOTING, GripMode.SLIDING)  # modes that a skill starts and ends
-IN_HAND = (*HELD, *REQUESTED)  # modes of a fruit in hand
+IN_HAND = (*HELD, GripMode.SLIDING)  # modes of a fruit in hand
 
 
 FREEZING = frozenset(

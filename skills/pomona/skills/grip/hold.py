@@ -7,7 +7,7 @@ while later nodes run, through pause, failure and safe stop:
   is there, `hold.problem` has the reason otherwise, `hold.reading` the forces.
 - Release and Retreat call `take_over(gripper)` before they move the fingers. Control ends, zero speed is commanded and
   nothing opens.
-- Pivot commands `hold.under(gripper)`, the same session with the right to command it, which ends with the skill. A
+- FeelFriction commands `hold.under(gripper)`, the same session with the right to command it, which ends with the skill. A
   `Hold` from a port can only be read.
 
 The subscription to the sensor keeps the object alive.
@@ -202,12 +202,6 @@ class Hold:
             gripper: as the skill has it; the right ends with the skill.
         """
         return lend(self, Hold, gripper)
-
-    @command
-    def pivot(self, on: bool) -> None:
-        """Let the fruit turn in the fingers until it hangs plumb, or hold it again; see `Pivot`."""
-        with self._lock:
-            self._controller.pivot(on)
 
     @command
     def slide(self, force: float | None) -> None:

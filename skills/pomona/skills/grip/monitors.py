@@ -318,13 +318,12 @@ class SlipMonitor:
         estimate = now.estimate
         elapsed = now.sample.elapsed
         slides = now.mode is GripMode.SLIDING
-        pivots = now.mode is GripMode.PIVOTING
         f_n = now.counted_force
-        needed = estimate.f_coulomb if pivots else estimate.f_least
+        needed = estimate.f_least
         beyond = self._beyond.update(needed > limits.beyond * f_n and not slides, elapsed)
         if needed > limits.slipping * f_n and not slides:
             self.slip += estimate.slip_speed * elapsed
-        slip = max(self.slip, 0.0 if slides or pivots else self._slips.slipped)
+        slip = max(self.slip, 0.0 if slides else self._slips.slipped)
         if slip <= self._slip_limit and beyond <= limits.beyond_after:
             return None
         return now.problem(

@@ -2,7 +2,7 @@
 
 `ForceReference` is the grip's one state machine; `docs/architecture.md` has the diagram. Each mode of a held fruit is a
 class with its law of the force and the transitions that it makes by itself. Its other transitions are calls: those of
-the controller and of `Closing` before the fruit is held, and the requests of skills (`slide`, `pivot`).
+the controller and of `Closing` before the fruit is held, and the request of a skill (`slide`).
 
 f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. The static part
 rises with the load and falls slowly. Two more parts act for moments only, like the dynamic one: the rise of the load,
@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable
 from typing import ClassVar
 
 from pomona.skills.grip.estimate import GripEstimate
-from pomona.skills.grip.grip import HANGING, HELD, REQUESTED, GripMode
+from pomona.skills.grip.grip import HANGING, HELD, GripMode
 from pomona.skills.grip.limit_surface import least_force
 from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import ForceLaw, GripSettings
@@ -307,22 +307,6 @@ class CatchingMode(Mode):
         return GripMode.CARRIED
 
 
-class PivotingMode(Mode):
-    """Coulomb's force for the weight alone: the fruit turns under its moment until it hangs plumb."""
-
-    mode = GripMode.PIVOTING
-
-    def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        levels = self._levels
-        tuned = self._levels.tuned
-        missing = max(estimate.f_coulomb - tuned.edge * force_coming, 0.0)
-        answer = min(tuned.edge_gain * missing, tuned.most_urgent)
-        levels.for_weight = levels.margin * estimate.f_coulomb
-        return levels.follow(
-            tuned.pivot_margin * estimate.f_coulomb, answer, elapsed, fall_rate=tuned.pivot_rate
-        )
-
-
 class SlidingMode(Mode):
     """The skill's force under any load: it rises with `sliding_rate` and falls as in the other modes."""
 
@@ -342,7 +326,7 @@ class SlidingMode(Mode):
 def usual_modes(levels: Levels) -> tuple[Mode, ...]:
     """Return the law of the grip force in each mode of a fruit that is lifted or carried."""
     carried = CarriedMode(levels)
-    return LiftingMode(levels), carried, CatchingMode(levels, carried), PivotingMode(levels)
+    return LiftingMode(levels), carried, CatchingMode(levels, carried)
 
 
 class ForceReference:
@@ -379,7 +363,7 @@ class ForceReference:
     @property
     def is_carried(self) -> bool:
         """True for a fruit that hangs in the fingers."""
-        return (self._resumed if self.mode in REQUESTED else self.mode) in HANGING
+        return (self._resumed if self.mode is GripMode.SLIDING else self.mode) in HANGING
 
     @property
     def has_settled(self) -> bool:
@@ -417,18 +401,11 @@ class ForceReference:
         """Keep this grip force [N] under any load, or resume the mode before; False in a mode that refuses it."""
         if force is not None:
             self._sliding.force = force
-        return self._request(GripMode.SLIDING, force is not None)
-
-    def pivot(self, on: bool) -> bool:
-        """Bear only the weight, so that the fruit turns, or resume the mode before; False as in `slide`."""
-        return self._request(GripMode.PIVOTING, on)
-
-    def _request(self, mode: GripMode, on: bool) -> bool:
         if self.mode in HELD:
             self._resumed = self.mode
-        elif self.mode is not mode:
+        elif self.mode is not GripMode.SLIDING:
             return False
-        self.mode = mode if on else self._resumed
+        self.mode = self._resumed if force is None else GripMode.SLIDING
         return True
 
     def freeze(self, reason: str) -> None:

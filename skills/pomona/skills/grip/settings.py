@@ -122,10 +122,6 @@ class ReferenceSettings:
     push_gain: float = 16.0
     # ratio of minimum to measured force of a fruit that slides; fewer catches; bumps
     sliding_ratio: float = 0.8
-    # factor on Coulomb's force while pivoting; slower turning; test_controller
-    pivot_margin: float = 1.25
-    # fall of the force while pivoting [N/s]; sooner turning, more slip; test_controller
-    pivot_rate: float = 1.5
     # rise of the force while the pads slide [N/s]; harder; feel-friction
     sliding_rate: float = 12.0
 

@@ -84,8 +84,8 @@ def lower_to_support(
             limit = touch.limit(CONTACT, accelerated) + inertia
             # a support takes the fruit's weight from it
             most = hand.limit(CONTACT + touch.at_first(), accelerated)
-            touch.forget_change()
-            hand.forget_change()
+            touch.begin_anew()
+            hand.begin_anew()
             rest_on_contact(skill, limit)
             touch.at_change(limit, motion.stop)
             hand.at_change(most, motion.stop)
@@ -97,9 +97,6 @@ def lower_to_support(
 
         def watch() -> None:
             nonlocal moving
-            if moving is not None and tool_pose(skill)[2, 3] < descent.slow_below:
-                expect(moving, GENTLE)
-                moving = None
             hold = current_hold(gripper)
             if hold is not None:
                 show_grip(skill, hold)
@@ -118,15 +115,17 @@ def lower_to_support(
                     BLOCKED,
                     f"a finger met something ({hand.change:.1f} N); the fruit is still held",
                 )
+            if moving is not None and tool_pose(skill)[2, 3] < descent.slow_below:
+                expect(moving, GENTLE)
+                moving = None
 
         try:
             yield from follow_way(
                 skill, descent.way, descent.manner, watch, grasp, begin, descent.most
             )
         except TouchedDown:
-            doubt = ""
-            if not abs(tool_pose(skill)[2, 3] - descent.stands) < EXPECTED:
-                doubt = yield from contact_doubt(skill, touch, touch.limit(CONTACT, 0.0))
+            known = abs(tool_pose(skill)[2, 3] - descent.stands) < EXPECTED
+            doubt = yield from contact_doubt(skill, touch, touch.limit(CONTACT, 0.0), known)
             if not doubt:
                 fruit = grasp.fruit if grasp else None
                 note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
@@ -134,11 +133,12 @@ def lower_to_support(
     return "" if ends_on else "the fruit met nothing"
 
 
-def contact_doubt(skill: MovingSkill, touch: Touch, contact: float) -> Work[str]:
+def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, known: bool) -> Work[str]:
     """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
 
     The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `BLOCKED`: the tool cannot move
-    vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact.
+    vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact; where
+    the fruit is `known` to stand, a change that stays is enough.
 
     Raises Jolted: the change of load has gone again, and the arm is where it was; SkillFailure: LOST, or `BLOCKED`.
     """
@@ -146,7 +146,7 @@ def contact_doubt(skill: MovingSkill, touch: Touch, contact: float) -> Work[str]
     _require_fruit(skill)
     if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
         raise Jolted
-    if (yield from _hangs_when_raised(skill, touch, contact)):
+    if known or (yield from _hangs_when_raised(skill, touch, contact)):
         return ""
     _require_fruit(skill)
     return "the change of load stays when the fruit is raised again: the fingers drift"

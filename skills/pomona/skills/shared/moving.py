@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -70,7 +70,7 @@ def move_to_pose(
     carrying: Grasp | None = None,
     clearance: float = 1e-2,
     budget: float = 0.5,
-    avoiding: MeasuredFruit | None = None,
+    avoiding: Iterable[MeasuredFruit] = (),
     speed: float = 1.0,
     carried_acceleration: float = CARRIED_ACCELERATION,
 ) -> Watching:
@@ -98,8 +98,10 @@ def move_to_pose(
     if np.abs(q_goal - q).max() < 1e-3:
         return
     space = space_around(skill, map, clearance, held=carrying)
-    if avoiding is not None:
-        space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
+    fruit = tuple(avoiding)
+    if fruit:
+        shapes = (Convex.of_fruit(each, "fruit") for each in fruit)
+        space = replace(space, world=space.world.with_obstacles(*shapes))
     request = PlanRequest(
         space,
         q,
@@ -116,7 +118,7 @@ def move_to_pose(
         if carrying is None
         else gently(RobotModel.load(arm.description), result.path, carried_acceleration)
     )
-    around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
+    around = KnownAround(map, fruit, carrying)
     yield from skill.travel(
         path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying
     )

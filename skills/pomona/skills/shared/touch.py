@@ -164,6 +164,12 @@ class Touch:
         self.change = 0.0
         self.finger = ""
 
+    def begin_anew(self) -> None:
+        """Start the largest change again, from the load of the last tenth of a second."""
+        self.forget_change()
+        if self._felt:
+            self._reference = self.average()
+
     @property
     def present(self) -> float:
         """How much the force differs from the beginning now, lastingly [N]."""
