@@ -252,10 +252,10 @@ class DrawnOptions:
         "auto",
         f"sliding friction of the pads; 'auto' draws from {FRICTION}",
     )
-    lever: tuple[float, float] = value(
+    torsion: tuple[float, float] = value(
         Span(Measure(LENGTH, "0 mm", "100 mm")),
-        "3.8 mm",
-        "of the pads' torsion: their largest moment over their sliding friction",
+        "3 mm",
+        "of the pads: their largest moment over the force that presses them",
     )
     spring: tuple[float, float] = value(
         Span(Number(0.1, 10.0)), "1", "stiffness of the pads beside that in the robot's file"
@@ -278,7 +278,7 @@ class DrawnOptions:
     def draw_pads(self, rng: np.random.Generator) -> PadTruth:
         """Draw the pads of a run."""
         friction = rng.uniform(*(self.friction or FRICTION))
-        return PadTruth(friction, friction * rng.uniform(*self.lever), rng.uniform(*self.spring))
+        return PadTruth(friction, rng.uniform(*self.torsion), rng.uniform(*self.spring))
 
     def draw_centre(self, rng: np.random.Generator) -> Float64:
         """Draw the centre of mass of a fruit, from its middle, (3,) [m]."""
@@ -386,7 +386,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     # One generator per subject, so that a changed option keeps the draws of the others.
     drawn = {
         matter: np.random.default_rng([seed, 1, i])
-        for i, matter in enumerate(("places", "scatter", "friction"))
+        for i, matter in enumerate(("places", "scatter", "friction", "centre"))
     }
     rng = drawn["places"]
     spots = [np.array(xy) for xy in said.places.values()]
@@ -432,7 +432,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=said.skin if i == 0 and said.skin != "any" else kind.skin or skin,
                 shape_noise=said.shape_noise,
-                centre=said.draw_centre(rng),
+                centre=said.draw_centre(drawn["centre"]),
             )
         )
     return Layout(
