@@ -150,12 +150,13 @@ def _texts(tree: Path, cell: Path) -> dict[str, str]:
     return found | {f"cell/{path}": text for path, text in texts.items()}
 
 
-def _hashes(tree: Path, cell: Path, texts: Mapping[str, str]) -> dict[str, str]:
-    """Return the hashes of all files that these texts name, and of the fruits' meshes and weights, by their paths."""
+def _read(tree: Path, cell: Path) -> dict[str, str]:
+    """Return `_texts`, and the hashes of all files that they name and of the fruits' meshes and weights, by paths."""
+    texts = _texts(tree, cell)
     words = {word for text in texts.values() for word in re.findall(r"[\w./-]+\.\w+", text)}
     named = {folder / word for folder in (tree.parent, cell.parent) for word in words}
     paths = named.union((installed_trees() / "fruits").rglob("*"))
-    return {
+    return texts | {
         str(path): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(paths)
         if is_file(path)
@@ -188,13 +189,12 @@ def read_request(place: Path) -> RunRequest:
         cell = Path(about["cell"])
         if not tree.is_relative_to(place.resolve()):
             raise UsageError(f"{place}: no request: its tree lies outside")
-        texts = _texts(tree, cell)
         return RunRequest(
             place.name, tree, cell, int(about["seed"]), settings, str(about["reason"]),
             str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
-            _version(place, texts | _hashes(tree, cell, texts)),
+            _version(place, _read(tree, cell)),
         )  # fmt: skip
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{place}: no request: {error}") from None
 
 

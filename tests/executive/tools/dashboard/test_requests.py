@@ -90,6 +90,25 @@ def test_a_request_whose_weights_have_changed_is_not_started(records: Path) -> N
         launcher(records)._order(form)
 
 
+def test_a_request_that_names_an_unreadable_file_is_shown_with_its_problem(
+    records: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (records / "trees" / "bench.yaml").write_text(f"{CELL}# eyes: bench.weights\n")
+    weights = records / "trees" / "bench.weights"
+    weights.write_bytes(b"one")
+    read = Path.read_bytes
+
+    def read_bytes(path: Path) -> bytes:
+        if path.name == weights.name:
+            raise PermissionError(13, "Permission denied", str(path))
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    (shown,) = request_facts(records)
+    assert "no request" in shown["problem"]
+    assert "bench.weights" in shown["problem"]
+
+
 def test_a_damaged_request_is_shown_with_its_problem_and_not_started(records: Path) -> None:
     starts = launcher(records)
     about = records / "approvals" / "0001_look" / "request.json"

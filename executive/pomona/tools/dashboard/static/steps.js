@@ -22,7 +22,7 @@ export const heldWords = ({ hand }) => hand || (hand === null ? "not known" : "n
 const silent = (s) => [...s.links].filter(([, { state }]) => state !== "ok").map(([device]) => device).join(", ");
 export const lookFirst = (s) => (silent(s) ? `at the cell: ${silent(s)} reports nothing, so its motion is unknown` : !LASTS.has(s.run.cell_kind) ? "at the failure on this page: the cell begins anew with each run" : s.hand ? "at the hand: what it holds falls when it opens" : "at the arm and its way home");
 const quoted = (word) => (/^[\w./:=%+,-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
-export const commandOf = ({ run }, recovers = LASTS.has(run.cell_kind)) => ["pomona run", quoted(run.tree_path ?? ""), run.cell === "dry" ? `--dry ${run.cell_path}`.trim() : `--cell ${quoted(run.cell_path ?? "")}`, ...Object.entries(run.settings ?? {}).map(([name, value]) => `--set ${quoted(`${name}=${value}`)}`), recovers ? "--recover" : `--seed ${run.seed}`].join(" ");
+export const commandOf = ({ run }, recovers = LASTS.has(run.cell_kind)) => ["pomona run", quoted(run.tree_path ?? ""), run.cell === "dry" ? `--dry ${run.cell_path && quoted(run.cell_path)}`.trim() : `--cell ${quoted(run.cell_path ?? "")}`, ...Object.entries(run.settings ?? {}).map(([name, value]) => `--set ${quoted(`${name}=${value}`)}`), recovers ? "--recover" : `--seed ${run.seed}`].join(" ");
 
 // The form of a start that repeats this run.
 const again = (run) => ({ tree: stem(run.tree_path), cell: stem(run.cell_path), seed: run.seed, settings: run.settings ?? {}, pace: "real", speed: `${Math.round(100 * (run.speed ?? 1))} %` });
