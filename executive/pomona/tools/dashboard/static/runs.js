@@ -52,7 +52,7 @@ function drawRuns() {
     h("td", { class: "when", title: r.run }, h("button", { class: "moment open-run", "aria-label": r.run, onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, whenOf(r)[1])),
     h("td", { class: "tree-name" }, r.tree ?? ""),
     h("td", { class: "cell-name" }, `${r.cell ?? ""}`), h("td", { class: "number seed" }, r.seed ?? ""), h("td", { class: "words settings" }, told(r)),
-    h("td", { class: "number took" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "number fruit" }, r.account?.count ?? r.truth?.put_away ?? ""), h("td", { class: `damage ${/\d/.test(damageOf(r)) ? "warn" : ""}` }, damageOf(r)), h("td", { class: "words why-ended" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
+    h("td", { class: "number took" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "number fruit" }, (r.account?.count || r.truth?.put_away) ?? ""), h("td", { class: `damage ${/\d/.test(damageOf(r)) ? "warn" : ""}` }, damageOf(r)), h("td", { class: "words why-ended" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
     h("td", { class: "number record" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
   const days = Map.groupBy(rows.slice(0, 300), (r) => whenOf(r)[0]);
