@@ -8,7 +8,7 @@ import pytest
 from fake_runs import make
 
 from pomona.executive import Skill
-from pomona.executive.account import Account, AccountEntry, disagreement
+from pomona.executive.account import HELD_FRUIT, Account, AccountEntry, disagreement
 from pomona.executive.language import read
 from pomona.executive.registry import Registry
 from pomona.executive.running.starting import RunResult
@@ -45,6 +45,18 @@ def test_what_is_lacking_is_lacking_until_it_is_withdrawn() -> None:
     assert code(account, "put_away") == "DONE_IN_PART"
     account.add(AccountEntry("fruit 2", ""))
     assert code(account, "put_away") == ""
+
+
+def test_what_a_fruit_lacked_in_the_hand_stays_once_it_is_put_away() -> None:
+    account = of(AccountEntry(HELD_FRUIT, "it has turned"), AccountEntry(HELD_FRUIT, ""))
+    account.add(AccountEntry("put_away", "pads"))
+    assert code(account, "put_away") == "", "gripped again, and right then"
+    account.add(AccountEntry(HELD_FRUIT, "it has turned"))
+    account.add(AccountEntry("put_away", "pads"))
+    account.add(AccountEntry(HELD_FRUIT, ""))
+    account.add(AccountEntry("put_away", "pads"))
+    assert code(account, "put_away") == "DONE_IN_PART"
+    assert list(filter(None, account.lacking.values())) == ["it has turned"]
 
 
 def test_the_largest_press_is_reported_and_one_beyond_the_limit_is_lacking() -> None:

@@ -15,6 +15,7 @@ from pomona.executive.reasons import Reason
 HELD = "held"
 PUT_AWAY = "put_away"
 NOTHING_LEFT = "nothing_left"
+HELD_FRUIT = "the held fruit"  # what it lacks, until it is put away
 SUCCESSES = {
     HELD: "the hand holds a fruit at the end",
     PUT_AWAY: "each fruit that was found lies where it belongs",
@@ -60,7 +61,10 @@ class Account:
             self.press = entry.press
             self.pressed = f"{node.rpartition('/')[2]}: {entry.words}"
         elif entry.about in (*SUCCESSES, NOTHING_LEFT):
-            self.evidence.setdefault(entry.about, []).append(entry.words)
+            found = self.evidence.setdefault(entry.about, [])
+            found.append(entry.words)
+            if entry.about == PUT_AWAY:  # what this fruit lacks stays, whatever the next one shows
+                self.lacking[f"{HELD_FRUIT} {len(found)}"] = self.lacking.pop(HELD_FRUIT, "")
         elif not entry.press:
             self.lacking[entry.about] = entry.words
 

@@ -30,6 +30,7 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.carrying import rest_on_contact
 from pomona.skills.shared.contact_check import BLOCKED, EXPECTED, Descent, Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, is_pressed, note_press
@@ -164,26 +165,24 @@ class Release(PoseSkill):
         met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
-                words = (
-                    UNKNOWN
-                    if grasp is None
-                    else f"no known object within {1e3 * depth:.0f} mm below"
+                below = f"no known object within {1e3 * depth:.0f} mm below"
+                raise self.failure(
+                    "NO_CONTACT", f"{UNKNOWN if grasp is None else below}, and {UNFELT}"
                 )
-                raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met + 1]
         descent = Descent(way, Manner(speed, *TOUCHING))
         if met is not None and grasp is not None:
             descent = self._descent(way, met, self._stands(grasp), speed)
         yield from self._lower(descent, speed, depth, space, grasp, ends_on)
-        width = self._opening(space)
         if hold is not None:
             note_press(self, "the pads", 0.5 * hold.peaks[1], grasp.fruit if grasp else None)
         take_over(gripper)
         if grasp is not None:
             moved = tool_pose(self) @ inverse(grasp.T_base_grasp)
-            T_base_fruit = moved @ grasp.fruit.T_base_fruit
-            self._placed[variation] = replace(grasp.fruit, T_base_fruit=T_base_fruit)
-        yield from self._rise(width, before, into is not None, ends_on)
+            self._placed[variation] = replace(
+                grasp.fruit, T_base_fruit=moved @ grasp.fruit.T_base_fruit
+            )
+        yield from self._rise(self._opening(space), before, into is not None, ends_on)
 
     def _rise(self, width: float, before: float, is_place: bool, ends_on: bool) -> Watching:
         """Open the fingers [m]; rise to a height of the tool [m] once they are off the fruit, while they open on."""
@@ -203,9 +202,11 @@ class Release(PoseSkill):
             self.account(
                 PUT_AWAY, f"{by}; the fingers are open, {1e3 * gripper.state().width:.0f} mm"
             )
-        way = vertical_way(self, before - tool_pose(self)[2, 3], BLOCKED)
+        rise = before - tool_pose(self)[2, 3]
         try:
-            yield from follow_way(self, way, RISING, lambda: next(opening, None))
+            yield from follow_way(
+                self, vertical_way(self, rise, BLOCKED), RISING, lambda: next(opening, None)
+            )
             yield from opening
         finally:
             opening.close()
@@ -249,11 +250,13 @@ class Release(PoseSkill):
                 if not words:
                     return
                 break
-        if (held := current_hold(self.device(Gripper))) is not None:
-            held.rest_on_contact(None)
+        rest_on_contact(self, None)
         lowered = before - float(tool_pose(self)[2, 3])
-        message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
-        raise self.failure("NO_CONTACT", message, lowered_m=lowered)
+        raise self.failure(
+            "NO_CONTACT",
+            f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held",
+            lowered_m=lowered,
+        )
 
     def _met(
         self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float

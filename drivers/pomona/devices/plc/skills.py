@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 from weakref import WeakKeyDictionary
@@ -233,7 +234,7 @@ class SetPartial(OutputSkill):
         verified, *lacking = self.context.lacking
         before = _LACKED.get(self.clock, (0, 0))
         _LACKED[self.clock] = (verified, *lacking)
-        more = verified == before[0] or not set(before[1:]).issuperset(lacking)
+        more = verified == before[0] or bool(Counter(lacking) - Counter(before[1:]))
         yield from self.accepted(signal, more, TAKEN)
 
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from pomona.tools.simulation.fruit_shape import (
         APPLES as APPLES,
         FruitShape as FruitShape,
-        make_fruit as make_fruit,
     )
     from pomona.tools.simulation.gl import load_mujoco as load_mujoco
     from pomona.tools.simulation.intruder import (
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
 PUBLIC = {
     "bruises": "Press Presses press_figures",
     "camera": "SimCamera",
-    "fruit_shape": "APPLES FruitShape make_fruit",
+    "fruit_shape": "APPLES FruitShape",
     "gl": "load_mujoco",
     "intruder": "IntruderSection add_intruder",
     "layout": "CellFruitSection DrawnOptions FruitOnTable PADS read_robot",

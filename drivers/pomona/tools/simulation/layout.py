@@ -30,7 +30,14 @@ from pomona.executive.values.kinds import (
 )
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, MASS
-from pomona.tools.simulation.fruit_shape import APPLES, SKINS, UnusableModel, read_model
+from pomona.tools.simulation.fruit_shape import (
+    APPLES,
+    SKINS,
+    FruitShape,
+    UnusableModel,
+    make_fruit,
+    read_model,
+)
 from pomona.tools.simulation.gl import load_mujoco
 from pomona.tools.simulation.intruder import IntruderSection
 
@@ -193,6 +200,11 @@ class FruitOnTable:
     skin: str
     shape_noise: float
     centre: Float64  # of its mass, from its middle, (3,) [m]
+
+    def shape(self, seed: int, number: int) -> FruitShape:
+        """Draw its shape as the fruit of this number in a run."""
+        rng = np.random.default_rng([seed, 5, number])
+        return make_fruit(self.model, self.dimensions, self.skin, rng, self.shape_noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

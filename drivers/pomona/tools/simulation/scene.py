@@ -11,7 +11,7 @@ import numpy as np
 from pomona.drivers.interfaces import Box
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.later import Later
-from pomona.tools.simulation.fruit_shape import FruitShape, make_fruit
+from pomona.tools.simulation.fruit_shape import FruitShape
 from pomona.tools.simulation.gl import load_mujoco
 from pomona.tools.simulation.intruder import IntruderSection, add_intruder
 from pomona.tools.simulation.layout import (
@@ -68,15 +68,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     layout.pads.put(spec)
     shapes = []
     for i, fruit in enumerate(layout.fruits):
-        shapes.append(
-            make_fruit(
-                fruit.model,
-                fruit.dimensions,
-                fruit.skin,
-                np.random.default_rng([seed, 5, i]),
-                fruit.shape_noise,
-            )
-        )
+        shapes.append(fruit.shape(seed, i))
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)

@@ -41,7 +41,6 @@ from pomona.tools.simulation import (
     CellFruitSection,
     DrawnOptions,
     FruitOnTable,
-    make_fruit,
     read_robot,
 )
 
@@ -125,16 +124,7 @@ def connect_world(settings: Settings[ConveyorOptions], context: ConnectContext) 
     spec = read_robot(said.robot)
     said.draw_pads(np.random.default_rng([seed, 18])).put(spec)
     fruits = draw_fruits(said, seed)
-    shapes = [
-        make_fruit(
-            fruit.model,
-            fruit.dimensions,
-            fruit.skin,
-            np.random.default_rng([seed, 5, i]),
-            fruit.shape_noise,
-        )
-        for i, fruit in enumerate(fruits)
-    ]
+    shapes = [fruit.shape(seed, i) for i, fruit in enumerate(fruits)]
     built = build_belt_model(
         spec, said.belt, fruits, shapes, context.workspace.obstacles, seed, said.intruder
     )

@@ -136,7 +136,7 @@ def grip_failure(
     )
 
 
-def rest_on_contact(skill: MovingSkill, contact: float) -> None:
+def rest_on_contact(skill: MovingSkill, contact: float | None) -> None:
     """Let the fingers rest from a change of the load [N] on: see `Hold.rest_on_contact`; harmless without a grip."""
     hold = current_hold(skill.device(Gripper))
     if hold is not None:

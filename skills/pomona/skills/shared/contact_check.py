@@ -60,7 +60,7 @@ def lower_to_support(
     descent: Descent,
     grasp: Grasp | None,
     opened: float,
-    ends_on: bool = False,
+    ends_on: bool,
 ) -> Work[str]:
     """Go down until a support carries the fruit.
 
@@ -106,10 +106,11 @@ def lower_to_support(
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
             if hold is None and abs(width - opened) > PUSHED:
-                words = (
-                    f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
+                raise skill.failure(
+                    BLOCKED,
+                    f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm; "
+                    "the fruit is still held",
                 )
-                raise skill.failure(BLOCKED, f"{words}; the fruit is still held")
             if hand.change > most:
                 raise skill.failure(
                     BLOCKED,
@@ -124,29 +125,35 @@ def lower_to_support(
                 skill, descent.way, descent.manner, watch, grasp, begin, descent.most
             )
         except TouchedDown:
-            known = abs(tool_pose(skill)[2, 3] - descent.stands) < EXPECTED
-            doubt = yield from contact_doubt(skill, touch, touch.limit(CONTACT, 0.0), known)
+            off = abs(tool_pose(skill)[2, 3] - descent.stands)
+            doubt = yield from contact_doubt(skill, touch, off < EXPECTED)
             if not doubt:
-                fruit = grasp.fruit if grasp else None
-                note_press(skill, "its support", touch.pressed, fruit, HARD_MODULUS)
+                note_press(
+                    skill,
+                    "its support",
+                    touch.pressed,
+                    grasp.fruit if grasp else None,
+                    HARD_MODULUS,
+                )
             return doubt
     return "" if ends_on else "the fruit met nothing"
 
 
-def contact_doubt(skill: MovingSkill, touch: Touch, contact: float, known: bool) -> Work[str]:
+def contact_doubt(skill: MovingSkill, touch: Touch, known: bool) -> Work[str]:
     """Return why a change of load is no contact with a support, or an empty text if something carries the fruit.
 
     The caller has let the fingers rest (`rest_on_contact`), and declares LOST and `BLOCKED`: the tool cannot move
-    vertically. `touch` has the load since the fruit hung freely, `contact` [N] is the change that shows contact; where
-    the fruit is `known` to stand, a change that stays is enough.
+    vertically. `touch` has the load since the fruit hung freely. Where the fruit is `known` to stand, a change that
+    stays is enough.
 
     Raises Jolted: the change of load has gone again, and the arm is where it was; SkillFailure: LOST, or `BLOCKED`.
     """
     yield from skill.wait(RESTING)
     _require_fruit(skill)
-    if touch.present <= 0.5 * contact or touch.stale_for(skill.clock.now()):
+    least = 0.5 * touch.limit(CONTACT, 0.0)
+    if touch.present <= least or touch.stale_for(skill.clock.now()):
         raise Jolted
-    if known or (yield from _hangs_when_raised(skill, touch, contact)):
+    if known or (yield from _hangs_when_raised(skill, touch, least)):
         return ""
     _require_fruit(skill)
     return "the change of load stays when the fruit is raised again: the fingers drift"
@@ -157,8 +164,8 @@ def _require_fruit(skill: MovingSkill) -> None:
         raise skill.failure("LOST", f"{LOST}: it presses on neither finger")
 
 
-def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float) -> Work[bool]:
-    """Return True if the load goes back by at least half a contact while the fruit is raised; ends where it began.
+def _hangs_when_raised(skill: MovingSkill, touch: Touch, least: float) -> Work[bool]:
+    """Return True if the load goes back by at least so much [N] while the fruit is raised; ends where it began.
 
     The load of sensors that drift or get another bias does not go back with a motion.
     """
@@ -167,4 +174,4 @@ def _hangs_when_raised(skill: MovingSkill, touch: Touch, contact: float) -> Work
     yield from skill.wait(RESTING)
     raised = touch.average()
     yield from follow_way(skill, vertical_way(skill, -RAISED, BLOCKED), RAISING)
-    return touch.gone_back(below, raised) > 0.5 * contact
+    return touch.gone_back(below, raised) > least

@@ -20,7 +20,7 @@ from pomona.drivers.interfaces import (
     WrenchSensor,
 )
 from pomona.drivers.plain_hand import between, gone
-from pomona.executive.account import HELD
+from pomona.executive.account import HELD, HELD_FRUIT
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
@@ -96,7 +96,7 @@ def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None
         found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
         note_press(skill, "the pads", 0.5 * hold.peaks[1], fruit)
         if fruit is not None:
-            skill.account("the held fruit", "; ".join(_contradictions(width, hold, fruit)))
+            skill.account(HELD_FRUIT, "; ".join(_contradictions(width, hold, fruit)))
     elif sensor is not None:
         found.append(f"pads {sum(pressing_forces(sensor)):.1f} N")
     skill.account(HELD, ", ".join(found))

@@ -11,7 +11,7 @@ from py_trees.common import Status
 from pomona.devices.plc.signals import SignalNames, Signals
 from pomona.devices.plc.skills import Handshake, SetPartial, SetSignal, WaitSignal
 from pomona.executive import ManualClock, SkillEnd, drive
-from pomona.executive.account import Account, AccountEntry
+from pomona.executive.account import HELD_FRUIT, Account, AccountEntry
 from pomona.executive.skill_testing import BenchContext
 from tests.drivers.devices.plc.mock_signals import MockSignals
 
@@ -190,6 +190,17 @@ def test_an_order_that_bruised_its_fruit_is_told_as_done_in_part_and_the_next_on
     orders = [(p, "", "") for p in (0.9, 1.2, 0.5, 1.1)] + [(0.5, "left", ""), (0.5, "left", "")]
     told = told_of_orders(plc, clock, Account(), orders)
     assert told == [False, True, False, True, True, False]
+
+
+def test_two_orders_that_lack_the_same_are_both_told_as_done_in_part(
+    plc: MockSignals, clock: ManualClock
+) -> None:
+    account = Account("put_away")
+    told = []
+    for words in ("it has turned", "it has turned", ""):
+        account.add(AccountEntry(HELD_FRUIT, words))
+        told += told_of_orders(plc, clock, account, [(0.5, "", "put_away")])
+    assert told == [True, True, False]
 
 
 def test_an_order_whose_success_nothing_measured_is_told_as_done_in_part(
