@@ -84,7 +84,7 @@ class Release(PoseSkill):
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
-        self._placed: dict[int, MeasuredFruit] = {}  # by the variation of the pose
+        self._placed: dict[tuple[str | None, int], MeasuredFruit] = {}  # by pose and variation
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
@@ -154,7 +154,11 @@ class Release(PoseSkill):
                 map,
                 grasp,
                 clearance,
-                avoiding=(fruit for at, fruit in self._placed.items() if at < variation),
+                avoiding=(
+                    fruit
+                    for (pose, at), fruit in self._placed.items()
+                    if pose != into or at < variation
+                ),
                 carried_acceleration=acceleration,
             )
         gripper = self.device(Gripper)
@@ -179,7 +183,7 @@ class Release(PoseSkill):
         take_over(gripper)
         if grasp is not None:
             moved = tool_pose(self) @ inverse(grasp.T_base_grasp)
-            self._placed[variation] = replace(
+            self._placed[into, variation] = replace(
                 grasp.fruit, T_base_fruit=moved @ grasp.fruit.T_base_fruit
             )
         yield from self._rise(self._opening(space), before, into is not None, ends_on)

@@ -221,6 +221,17 @@ class TestRanges:
         )
         assert found.message == "SampleGrasp.radius is at least 20 mm, 5 mm is below"
 
+    @pytest.mark.parametrize(
+        ("written", "said"),
+        [("0.0051 m", "0.02 m, 0.0051 m"), ("0.1 cm", "2 cm, 0.1 cm")],
+    )
+    def test_unit_of_the_file(self, findings_of, written, said):
+        nodes = (DETECT, REFINE, SAMPLE.replace("candidates:", f"radius: {written}, candidates:"))
+        found = only(
+            findings_of(sequence(*nodes, 'check: "len({candidates.grasps}) > 0"')), "range"
+        )
+        assert found.message == f"SampleGrasp.radius is at least {said} is below"
+
     def test_parameter_that_is_wired(self, findings_of):
         body = 'parameters: {n: {type: int, default: 3}}\nroot: {Beep: {times: "{n}"}}'
         assert findings_of(body) == []

@@ -69,11 +69,7 @@ def _accepted(name: str, port: Port, value: Any) -> Any:
     problem = out_of_range(value, port)
     if problem:
         raise SkillFailure(Failure("BAD_VALUE", f"input {name} {problem}", {"port": name}))
-    if (
-        isinstance(value, int)
-        and not isinstance(value, bool)
-        and (port.type is float or isinstance(port.type, Quantity))
-    ):
+    if type(value) is int and (port.type is float or isinstance(port.type, Quantity)):
         return float(value)
     return value
 

@@ -93,7 +93,7 @@ class InterfaceReader:
         ]
         port = Port(port_type, default, declared.help, bounds[0], bounds[1], choices)
         if declared.default is not None and default is not None:
-            problem = out_of_range(default, port)
+            problem = out_of_range(default, port, getattr(declared.default, "text", ""))
             if problem:
                 message = f"the default of {what} '{declared.key.text}' {problem}"
                 self.findings.error(declared.default, "range", message)
@@ -217,7 +217,7 @@ def value_of(source: Source, port: Port) -> tuple[Any, str, str]:
         value = literal(node, port.type, port.choices)
     except LiteralError as error:
         return None, error.message.replace("{", "{{").replace("}", "}}"), error.hint
-    problem = out_of_range(value, port)
+    problem = out_of_range(value, port, text)
     return value, problem and "{} " + problem, ""
 
 

@@ -236,46 +236,37 @@ class ValueReader:
 
     def in_range(self, where: Located, value: Any, port: Port, who: str) -> bool:
         """Return whether a value is in a port's range; report one that is not."""
-        problem = out_of_range(value, port)
-        if problem:
-            is_percent = (
-                isinstance(port.type, Quantity)
-                and port.type.bare
-                and isinstance(value, (int, float))
-            )
-            hint = (
-                f"write '{value:g} %'" if is_percent and not out_of_range(value / 100, port) else ""
-            )
-            self.findings.error(where, "range", f"{who} {problem}", hint)
-        return not problem
+        problem = out_of_range(value, port, getattr(where, "text", ""))
+        if not problem:
+            return True
+        is_percent = port.type == RATIO and not out_of_range(value / 100, port)
+        self.findings.error(
+            where, "range", f"{who} {problem}", f"write '{value:g} %'" if is_percent else ""
+        )
+        return False
 
 
-def out_of_range(value: Any, port: Port) -> str:
-    """Explain why a value is outside the port's range or choices; return an empty text if it is inside."""
+def out_of_range(value: Any, port: Port, written: str = "") -> str:
+    """Explain why a value is outside the port's range or choices, in the unit of the text that gave it.
+
+    An empty text means that it is inside.
+    """
     if port.choices and isinstance(value, str) and value not in port.choices:
         return f"must be one of {', '.join(port.choices)}, not '{value}'"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return ""
     low, high = port.bounds
     if low is not None and not is_within(value, low, math.inf):
-        limit = port.min
         bound = low
-        word = "least"
-        too = "below"
+        words = "is at least {}, {} is below"
     elif high is not None and not is_within(value, -math.inf, high):
-        limit = port.max
         bound = high
-        word = "most"
-        too = "above"
+        words = "is at most {}, {} is above"
     else:
         return ""
-    quantity = port.type if isinstance(port.type, Quantity) else None
-    allowed = limit if isinstance(limit, str) else _number(bound, quantity)
-    return f"is at {word} {allowed}, {_number(value, quantity)} is {too}"
-
-
-def _number(value: float, quantity: Quantity | None) -> str:
-    return quantity.format(value) if quantity is not None and quantity != RATIO else f"{value:g}"
+    if isinstance(port.type, Quantity):
+        return words.format(port.type.format(bound, written), port.type.format(value, written))
+    return words.format(f"{bound:g}", f"{value:g}")
 
 
 def static_type(port: Port) -> ValueType:

@@ -90,8 +90,11 @@ class Quantity:
         """`LENGTH("120 mm")` is 0.12: `parse`, as defaults of ports are written."""
         return self.parse(text)
 
-    def format(self, value: float) -> str:
-        """Return the value with the shortest unit: 0.12 -> '12 cm', 0.1234 -> '12.34 cm'; a ratio without one."""
+    def format(self, value: float, like: str = "") -> str:
+        """Return the value in the unit of a text, else in the shortest: 0.12 -> '12 cm'; a ratio without one."""
+        _, unit = split_unit(like) or ("", "")
+        if unit in self.units:
+            return f"{value / self.units[unit]:.6g} {unit}"
         if self.bare:
             return f"{value:.6g}"
         readable = [
