@@ -114,7 +114,7 @@ def test_a_fruit_that_the_picture_s_edge_cuts_is_looked_at_from_elsewhere(
 
 @pytest.mark.parametrize(
     ("policy", "expected"),
-    [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)],
+    [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0)],
 )
 def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -> None:
     wide = instance(0.15, 0.55)
@@ -124,7 +124,7 @@ def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -
         instance(-0.1, 0.4, 0.9, 0.5),
         replace(wide, visibility=0.7),
     ]
-    assert look(target=policy, index=2).outputs["detection"].index == expected
+    assert look(target=policy).outputs["detection"].index == expected
 
 
 def test_fruit_chosen_before_comes_last(scripted: list[Instance]) -> None:
@@ -233,8 +233,6 @@ def test_failures_have_their_codes(scripted: list[Instance]) -> None:
     scripted[:] = [instance(0.0, 0.5, posed=False)]
     assert code(look()) == "POSE_UNSOLVED"
     assert code(look(fruit="durian")) == "NO_WEIGHTS"
-    scripted[:] = [instance(0.0, 0.5)]
-    assert code(look(target="index", index=3)) == "NOTHING_FOUND"
 
 
 def test_a_frame_that_cannot_be_used_is_no_frame(
@@ -254,7 +252,6 @@ def test_ranking_is_total_for_equal_instances() -> None:
     same = [instance(0.0, 0.5), instance(0.0, 0.5)]
     for policy in ("nearest", "largest", "most_visible", "surest"):
         assert rank(same, policy) == [0, 1]
-    assert rank(same, "index", 5) == []
 
 
 def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Instance]) -> None:
@@ -297,10 +294,6 @@ def test_a_users_own_weights_and_config_are_used(monkeypatch: pytest.MonkeyPatch
         ({"working_width": "448"}, 448),  # of a text parameter
         ({"working_width": "all"}, None),
         ({"working_width": "auto"}, None),  # no distance is known
-        (
-            {"working_width": "auto", "expected_distance": 0.5},
-            247,
-        ),  # 46 px × 640 × 0.5 m / (610.6 px × 97.6 mm)
     ],
 )
 def test_the_working_width_is_a_number_or_follows_from_the_distance(
@@ -317,7 +310,8 @@ def test_the_working_width_is_a_number_or_follows_from_the_distance(
     assert look(skill, **inputs).status is Status.SUCCESS
     assert asked.pop().working_width == width
     assert look(skill, **inputs).status is Status.SUCCESS
-    from_last_look = 395 if inputs == {"working_width": "auto"} else width  # 0.8 m
+    # 46 px × 640 × 0.8 m / (610.6 px × 97.6 mm)
+    from_last_look = 395 if inputs == {"working_width": "auto"} else width
     assert asked.pop().working_width == from_last_look
 
 

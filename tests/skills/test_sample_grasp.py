@@ -43,16 +43,16 @@ def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tri
 
 def test_one_at_a_time_counts_as_tried_by_itself():
     scene, skill = PickingScene(), SampleGrasp()
-    first = sample(skill, scene, count=1, check=False).outputs["candidates"].grasps
-    second = sample(skill, scene, count=1, check=False).outputs["candidates"].grasps
+    first = sample(skill, scene, check=False).outputs["candidates"].grasps
+    second = sample(skill, scene, check=False).outputs["candidates"].grasps
     assert [len(first), len(second)] == [1, 1]
     assert [first[0].index, second[0].index] == [0, 1]
 
 
 def test_a_new_fruit_starts_afresh():
     scene, skill = PickingScene(), SampleGrasp()
-    sample(skill, scene, count=1, check=False)
-    other = sample(skill, scene, count=1, check=False, around=apple_at(5, 1)).outputs["candidates"]
+    sample(skill, scene, check=False)
+    other = sample(skill, scene, check=False, around=apple_at(5, 1)).outputs["candidates"]
     assert other.attempt == 1
     assert other.grasps[0].index == 0
 

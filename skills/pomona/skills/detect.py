@@ -9,7 +9,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Frame
 from pomona.executive.account import NOTHING_LEFT
-from pomona.executive.ports import LENGTH, Length, Outputs, Port, Ratio
+from pomona.executive.ports import Outputs, Port, Ratio
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ProgressView
@@ -66,9 +66,6 @@ class Detect(LookingSkill):
         target: Annotated[
             str, Port(choices=POLICIES, help="choice among several fruit")
         ] = "nearest",
-        index: Annotated[
-            int, Port(min=0, max=99, help="rank by score from 0, for target: index")
-        ] = 0,
         reselect: Annotated[
             Literal["freely", "last", "never"],
             Port(
@@ -96,18 +93,8 @@ class Detect(LookingSkill):
         ] = 1.0,
         working_width: Annotated[
             object,
-            Port(
-                help=f"{WIDTH_HELP}; auto: from expected_distance, else from the last look, else all"
-            ),
+            Port(help=f"{WIDTH_HELP}; auto: from the distance at the last look"),
         ] = WORKING_WIDTH,
-        expected_distance: Annotated[
-            Length,
-            Port(
-                min=0.0,
-                max="100 m",
-                help="of the fruit from the camera, for working_width: auto; 0: unknown",
-            ),
-        ] = LENGTH("0 m"),
         weights: Annotated[
             str,
             Port(
@@ -130,7 +117,7 @@ class Detect(LookingSkill):
         model = self.fruit_model(fruit, weights, needs_weights=not (boxes and pose_from == "depth"))
         frame = self.newest_frame()
         T_base_camera = self.camera_pose(frame)
-        width = self.search_width(working_width, model, frame, expected_distance or self._distance)
+        width = self.search_width(working_width, model, frame, self._distance)
         options: Search = DetectorOptions(working_width=width)
         if boxes:
             options = BoxModelFile(Path(boxes), pose_from, boxes_width(width))
@@ -151,7 +138,7 @@ class Detect(LookingSkill):
             score = fallback_score
         try:
             chosen = self._choose(
-                instances, frame, T_base_camera, target, index, reselect, max_selections, score
+                instances, frame, T_base_camera, target, reselect, max_selections, score
             )
         except SkillFailure as failed:
             self.publish(
@@ -208,7 +195,6 @@ class Detect(LookingSkill):
         frame: Frame,
         T_base_camera: Float64,
         target: str,
-        index: int,
         reselect: str,
         max_selections: int,
         score: float,
@@ -242,13 +228,8 @@ class Detect(LookingSkill):
         self._was_cut = bool(words)
         if words:
             raise none("LOW_CONFIDENCE", words)
-        order = [whole[k] for k in rank([instances[k] for k in whole], target, index)]
-        if not order:
-            raise none(
-                "NOTHING_FOUND",
-                f"there are {len(whole)} whole fruit in the frame, number {index} was requested",
-            )
-        if reselect == "freely" or target == "index":
+        order = [whole[k] for k in rank([instances[k] for k in whole], target)]
+        if reselect == "freely":
             return order[0]
         before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}
         rarest = min(order, key=lambda k: before[k])  # the first of those, in the policy's order

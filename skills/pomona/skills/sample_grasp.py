@@ -35,8 +35,8 @@ class SampleGrasp(Skill):
     """Sample pre-grasps on a sphere around a fruit: all that are left to try, best first, the others with a reason.
 
     Every start is one attempt at the fruit. A candidate counts as tried when it comes back through `tried`, or when it
-    was the only one that was given (`count: 1`). A fruit at another place starts afresh. When nothing is left to try,
-    the sphere is sampled more finely.
+    was the only one that was given (`check: false`). A fruit at another place starts afresh. When nothing is left to
+    try, the sphere is sampled more finely.
     """
 
     devices = (Arm, Workspace)
@@ -73,9 +73,9 @@ class SampleGrasp(Skill):
             Length,
             Port(min="2 mm", max="30 mm", help="between each pad and the fruit on the approach"),
         ] = LENGTH("6 mm"),
-        count: Annotated[int, Port(min=0, help="maximum number of candidates; 0: all")] = 0,
         check: Annotated[
-            bool, Port(help="exclude grasps without a free approach; the paper: no")
+            bool,
+            Port(help="exclude grasps without a free approach; no, as in the paper: one at a time"),
         ] = True,
     ) -> Work[Sampled]:
         arm = self.device(Arm)
@@ -110,9 +110,8 @@ class SampleGrasp(Skill):
                 f"all {len(grasps)} candidates have been tried",
                 attempts=self._tried.attempt - 1,
             )
-        if count:
-            left = left[:count]
-        if count == 1:
+        if not check:
+            left = left[:1]
             self._tried.add(left[0])
         return Sampled(GraspCandidates(left, ruled_out, self._tried.attempt))
 

@@ -47,7 +47,7 @@ class Shown:
 def detect(scene: RenderedFrame, model: Path, with_depth: bool = True, **inputs: Any) -> SkillEnd:
     depth = scene.depth if with_depth else None
     frame = Frame(0.0, 0, scene.colour, depth, INTRINSICS, None, T_BASE_CAMERA)
-    wired: Mapping[str, Any] = {"fruit": "apple", "boxes": str(model), "target": "index", **inputs}
+    wired: Mapping[str, Any] = {"fruit": "apple", "boxes": str(model), "target": "surest", **inputs}
     return drive(Detect(), wired, devices={Camera: Shown(frame)})
 
 

@@ -166,7 +166,6 @@ POLICIES = (
     "largest",
     "most_visible",
     "surest",
-    "index",
 )  # how a target is chosen among instances
 
 
@@ -220,18 +219,14 @@ def instance_of(found: FoundFruit, K: Float64, dimensions: Float64) -> Instance:
     )
 
 
-def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
+def rank(instances: list[Instance], policy: str) -> list[int]:
     """Return indices of the instances in the order in which the policy wants them as target.
 
     Args:
         instances: with poses.
-        policy: nearest (to the camera), largest (in the picture), most_visible, surest (highest score), or index (by
-            falling score).
-        index: which one for the policy "index"; the list is empty when there are not so many.
+        policy: nearest (to the camera), largest (in the picture), most_visible, or surest (highest score).
     """
     order = range(len(instances))
-    if policy == "index":
-        return [index] if 0 <= index < len(instances) else []
     if policy == "nearest":
         return sorted(order, key=lambda i: (_distance(instances[i]), i))
     if policy == "surest":
