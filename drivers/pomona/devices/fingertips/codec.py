@@ -5,8 +5,7 @@ Source: Robotiq's client in `pyrobotiqtactile` 0.1.2 (BSD-3). The check byte is 
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -25,15 +24,6 @@ PRESSED = 0x10
 def autosend(period_ms: int) -> bytes:
     """Return the command that lets the sensor send by itself, every 1 … 255 ms; 0 ends it."""
     return bytes([START, 0, AUTOSEND, 1, period_ms])
-
-
-def packet(taxels: Sequence[Sequence[int]]) -> bytes:
-    """Return a packet with the taxels of both fingers, 28 numbers of 16 bits each."""
-    body = b"".join(
-        bytes([PRESSED | side << 2]) + struct.pack(f">{TAXELS}H", *row)
-        for side, row in enumerate(taxels)
-    )
-    return bytes([START, 0, READ, len(body)]) + body
 
 
 def take_packets(buffer: bytearray) -> tuple[list[Mapping[int, Float64]], int]:

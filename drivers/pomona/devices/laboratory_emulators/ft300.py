@@ -8,14 +8,17 @@ import numpy as np
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
-from pomona.devices.laboratory_emulators.ports import SensorLine
-from pomona.devices.robotiq.codec import crc
-from pomona.devices.wrist_sensors.codec import STOP, frame, start_stream
+from pomona.devices.laboratory_emulators.ports import SensorLine, crc
 from pomona.drivers import Cell, LoadSensor
 from pomona.executive import Float64
 
+STARTING = b"\x09\x10\x01\x9a\x00\x01\x02\x02\x00\xcd\xca"
+ENDING = b"\xff" * 50
+"""Bytes that start and end the stream (FT 300 instruction manual)."""
 PERIOD = 0.01  # of the stream [s]
 NOISE = 0.03  # standard deviation of a force [N], a tenth of it of a torque [N·m]: plausible, not measured
+
+SHARES = np.array([1.0] * 3 + [0.1] * 3)  # of noise and of counts, 0.01 N, for force and torque
 
 
 class Ft300Emulator(SensorLine):
@@ -35,21 +38,22 @@ class Ft300Emulator(SensorLine):
         self._rng = np.random.default_rng(300)
 
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
-        if STOP in buffer:
+        if ENDING in buffer:
             self.period = 0.0
-            del buffer[: buffer.index(STOP) + len(STOP)]
+            del buffer[: buffer.index(ENDING) + len(ENDING)]
         while buffer[:1] == b"\xff":
             del buffer[:1]
-        request = start_stream()
-        if request in buffer:
+        if STARTING in buffer:
             buffer.clear()
             self.period = PERIOD
             if self.fault != "silent":
-                peer.send(request[:6] + crc(request[:6]))
+                peer.send(STARTING[:6] + crc(STARTING[:6]))
 
     def measured(self) -> bytes:
-        scale = np.array([NOISE] * 3 + [0.1 * NOISE] * 3)
-        return frame(self.wrench() + self._rng.normal(0.0, 1.0, 6) * scale)
+        noisy = self.wrench() + NOISE * SHARES * self._rng.normal(0.0, 1.0, 6)
+        counts = np.clip(np.round(100.0 * noisy / SHARES), -32768, 32767)
+        body: bytes = b" N" + counts.astype("<i2").tobytes()
+        return body + crc(body)
 
 
 def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:

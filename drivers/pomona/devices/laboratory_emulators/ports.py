@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import lru_cache
 from typing import Any
 
 from pomona.devices.emulators.server import Peer
 from pomona.drivers import FaultSwitch
+
+
+@lru_cache(64)
+def crc(message: bytes) -> bytes:
+    """Return the check sum of Modbus on a serial line, low byte first."""
+    check = 0xFFFF
+    for bit in range(8 * len(message)):
+        odd = (check ^ message[bit // 8] >> bit % 8) & 1
+        check = check >> 1 ^ 0xA001 * odd
+    return check.to_bytes(2, "little")
 
 
 class ControllerPort:

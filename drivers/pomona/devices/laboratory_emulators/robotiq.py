@@ -8,13 +8,20 @@ from functools import partial
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
-from pomona.devices.robotiq.codec import CLOSING, OPENING, READ, SLAVE, THERE, WRITTEN, crc
+from pomona.devices.laboratory_emulators.ports import crc
 from pomona.devices.robotiq.options import MODELS
 from pomona.drivers import Cell, FaultSwitch, Gripper
 
 OPEN = 3
 CLOSED = 230
 """Positions of the open and of the closed gripper [counts] (Robotiq's blog: about)."""
+WRITTEN = 1000
+READ = 2000
+"""First register of commands, and of the status."""
+OPENING = 1
+CLOSING = 2
+THERE = 3
+"""What the object detection tells: stopped while it opened, while it closed; at its position."""
 BYTE = 10 / 115200
 """Time of a byte on the line [s]."""
 TURN = 0.002
@@ -258,7 +265,7 @@ class _UrcapPort(_LinePort):
             "ACT": lambda: status[0] & 1,
             "GTO": lambda: status[0] >> 3 & 1,
             "COU": lambda: status[5],
-            "SID": lambda: SLAVE,
+            "SID": lambda: 9,
         }
         name = words[1] if len(words) > 1 else ""
         return f"{name} {told[name]()}\n".encode() if name in told else b"?\n"

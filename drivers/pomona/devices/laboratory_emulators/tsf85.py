@@ -8,10 +8,10 @@ import numpy as np
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
-from pomona.devices.fingertips.codec import AUTOSEND, START, TAXELS, packet
 from pomona.devices.laboratory_emulators.ports import SensorLine
 from pomona.drivers import Cell, ForceSensor
 
+TAXELS = 28  # of a finger
 COUNT = 2e-4  # force of one count of a finger's sum [N]
 # counts of a taxel without contact, and their standard deviation: plausible, not measured
 IDLE = 900
@@ -34,14 +34,16 @@ class Tsf85Emulator(SensorLine):
 
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         while len(buffer) >= 5:
-            if buffer[0] == START and buffer[2] == AUTOSEND:
+            if buffer[0] == 0x9A and buffer[2] == 0x58:
                 self.period = 1e-3 * buffer[4]
-            del buffer[: 4 + buffer[3] if buffer[0] == START else 1]
+            del buffer[: 4 + buffer[3] if buffer[0] == 0x9A else 1]
 
     def measured(self) -> bytes:
         idle = self._rng.normal(IDLE, NOISE, (2, TAXELS))
         pressed = np.maximum(self.pressing(), 0.0)[:, None] / COUNT / TAXELS
-        return packet(np.clip(np.round(idle + pressed), 0, 65535).astype(int).tolist())
+        left, right = np.clip(np.round(idle + pressed), 0, 65535).astype(">u2")
+        body: bytes = b"\x10" + left.tobytes() + b"\x14" + right.tobytes()
+        return b"\x9a\0\x61" + bytes([len(body)]) + body
 
 
 def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:

@@ -9,29 +9,14 @@ import numpy as np
 from pomona.devices.robotiq.codec import crc
 from pomona.executive import Float64
 
-SLAVE = 9
-STREAM = 410
-START = 0x0200
-"""Modbus address, the register that selects the stream, and its value (FT 300 instruction manual)."""
+START_STREAM = bytes.fromhex("09 10 01 9a 00 01 02 02 00 cd ca")
+"""Request that starts the stream: 0x0200 to register 410 (FT 300 instruction manual)."""
 STOP = b"\xff" * 50
 """Bytes that end a stream."""
 HEAD = b"\x20\x4e"
 FRAME = struct.Struct("<2s6h2s")
 SCALE = np.array([0.01, 0.01, 0.01, 0.001, 0.001, 0.001])  # of one count [N, N·m]
 RANGE = 300.0  # of the force along an axis [N]
-
-
-def start_stream() -> bytes:
-    """Return the request that starts the stream (function 16)."""
-    request = struct.pack(">BBHHBH", SLAVE, 16, STREAM, 1, 2, START)
-    return request + crc(request)
-
-
-def frame(wrench: Float64) -> bytes:
-    """Return the frame of a wrench, shape (6,) [N, N·m]."""
-    counts = np.clip(np.round(wrench / SCALE), -32768, 32767).astype(int)
-    body = HEAD + struct.pack("<6h", *counts.tolist())
-    return body + crc(body)
 
 
 def take_frames(buffer: bytearray) -> tuple[list[Float64], int]:

@@ -7,7 +7,7 @@ import contextlib
 import numpy as np
 
 from pomona.devices.universal_robots.rtde import RtdeSession
-from pomona.devices.wrist_sensors.codec import STOP, start_stream, take_frames
+from pomona.devices.wrist_sensors.codec import START_STREAM, STOP, take_frames
 from pomona.drivers import Link, Malformed, Nonsense
 from pomona.executive import Clock, Float64
 
@@ -29,7 +29,7 @@ class Ft300Session:
         end = clock.now() + DRAINED
         while clock.now() < end:
             link.receive(0.01)
-        link.send(start_stream())
+        link.send(START_STREAM)
 
     def receive(self, patience: float) -> list[Float64]:
         """As `WristSession.receive`, wrenches of shape (1, 6). Raises Nonsense: bytes come, and none are frames."""

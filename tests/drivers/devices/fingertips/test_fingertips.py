@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.devices.fingertips.codec import TAXELS, autosend, packet, take_packets
+from pomona.devices.fingertips.codec import TAXELS, autosend, take_packets
 from pomona.devices.fingertips.connect import connect
 from pomona.devices.fingertips.driver import TsfFingertips, TsfSession
 from pomona.devices.laboratory_emulators.tsf85 import COUNT, Tsf85Emulator
@@ -20,6 +20,15 @@ from pomona.executive import ManualClock, SystemClock
 from pomona.tools.mock import MockClock, MockGripper
 from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.motoman.test_driver import Connection
+
+
+def packet(rows: Any) -> bytes:
+    """Return the packet with the taxels of both fingers."""
+    body = b"".join(
+        bytes([0x10 + 4 * i, *np.array(row, ">u2").tobytes()]) for i, row in enumerate(rows)
+    )
+    return bytes([0x9A, 0, 0x61, len(body)]) + body
+
 
 ROWS = st.lists(st.integers(0, 65535), min_size=TAXELS, max_size=TAXELS)
 

@@ -5,15 +5,30 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, strategies as st
 
-from pomona.devices.wrist_sensors.codec import SCALE, frame, start_stream, take_frames
+from pomona.devices.laboratory_emulators.ft300 import Ft300Emulator
+from pomona.devices.laboratory_emulators.ports import crc
+from pomona.devices.wrist_sensors.codec import START_STREAM, take_frames
 
 WRENCHES = st.lists(st.integers(-32768, 32767), min_size=6, max_size=6).map(
-    lambda counts: SCALE * np.array(counts)
+    lambda counts: np.array(counts) / np.array([100.0] * 3 + [1000.0] * 3)
 )
 
 
-def test_the_request_is_that_of_the_manual() -> None:
-    assert start_stream().hex(" ") == "09 10 01 9a 00 01 02 02 00 cd ca"
+def frame(wrench: np.ndarray) -> bytes:
+    """Return the frame of a wrench as the emulated sensor sends it, without noise."""
+    sensor = Ft300Emulator(lambda: wrench)
+    sensor._rng = NoNoise()  # type: ignore[assignment]
+    return sensor.measured()
+
+
+class NoNoise:
+    def normal(self, mean: float, sigma: float, size: int) -> np.ndarray:
+        return np.zeros(size)
+
+
+def test_driver_and_emulator_have_the_request_and_the_check_sum_of_the_manual() -> None:
+    assert START_STREAM.hex(" ") == "09 10 01 9a 00 01 02 02 00 cd ca"
+    assert crc(START_STREAM[:-2]) == START_STREAM[-2:]
 
 
 @given(st.lists(WRENCHES, max_size=5), st.binary(max_size=40), st.integers(1, 20))
