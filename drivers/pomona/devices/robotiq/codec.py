@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pomona.drivers import Malformed
 
@@ -83,6 +84,7 @@ class RobotiqStatus:
         return cls(first >> 4 & 3, first >> 6, fault & 15, requested, position, first >> 3 & 1)
 
 
+@lru_cache(64)
 def crc(message: bytes) -> bytes:
     """Return Modbus' check sum, low byte first."""
     check = 0xFFFF
