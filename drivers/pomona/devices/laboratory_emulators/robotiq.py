@@ -138,7 +138,7 @@ class RobotiqEmulator(FaultSwitch):
         before = bytes(self.written)
         self.written[at : at + len(data)] = data
         if not self.written[0] & 1:
-            self.activation = 0
+            self.activation = self.object = 0
             self._active_at = None
         elif not before[0] & 1:
             self.activation, self._active_at = 1, self.now + ACTIVATING
