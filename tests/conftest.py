@@ -155,11 +155,13 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
 def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Any, None]:
     """Leave out a file whose helpers import a leaf that was taken out."""
     report = (yield).get_result()
+    text = str(report.longrepr) if report.failed else ""
     missing = re.findall(
-        r"No module named '(?:pomona|tests\.\w+)\.(tools|devices|applications)\.(\w+)",
-        str(report.longrepr) if report.failed else "",
+        r"No module named '(?:pomona|tests\.\w+)\.(tools|devices|applications)\.(\w+)", text
     )
-    if not leaves().issuperset(missing):
+    # A helper whose own import has failed stays loaded, half of it.
+    is_half = taken_words() is not None and "ImportError: cannot import name" in text
+    if is_half or not leaves().issuperset(missing):
         report.outcome = "skipped"
         report.longrepr = (str(collector.path), 0, "a leaf that it needs was taken out")
 

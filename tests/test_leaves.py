@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.taken_out import is_here
+from tests.taken_out import is_here, taken_words
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = (
@@ -75,6 +75,8 @@ def test_a_readme_of_the_core_names_files_that_exist(page: Path) -> None:
 
 
 def test_the_page_of_the_architecture_names_files_that_exist() -> None:
+    if taken_words() is not None:
+        pytest.skip("a leaf was taken out, and the page names its files")
     named = set(re.findall(r"(?<![\w/`.])`?((?:\w+/)*\w+\.py)", ARCHITECTURE.read_text("utf-8")))
     folders = [ROOT / name for name in ("executive", "skills", "drivers", "tests")]
     files = [f"/{path.relative_to(ROOT)}" for folder in folders for path in folder.rglob("*.py")]

@@ -9,7 +9,7 @@ from py_trees.common import Status
 from pomona.drivers.interfaces import Box
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
-from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.grip import GripMode, GripProblem
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.pads import MIRROR
 from pomona.skills.lift import Lift
@@ -246,6 +246,27 @@ def test_a_load_that_the_grip_can_hold_is_lifted_without_a_stop():
     outcome = fruit.lift()
     assert outcome.status is Status.SUCCESS
     assert len(fruit.scene.arm.followed) == 1
+
+
+def test_pads_that_keep_some_load_do_not_make_a_standing_fruit_hang():
+    fruit = Standing(weight=2.0)
+    feel = fruit.scene.fingers.feel
+
+    def kept(now: float) -> np.ndarray:
+        wrenches = feel(now)
+        wrenches[:, 0] += 0.2  # of the pads that have slid
+        return wrenches
+
+    fruit.scene.fingers.feel = kept
+    modes = []
+    inputs = {"hold": fruit.hold, "height": 0.003, "speed": 0.001}
+    outcome = drive(
+        Lift(), inputs, fruit.scene.devices, clock=fruit.scene.clock,
+        each_tick=lambda *_: modes.append((fruit.risen > 1e-3, fruit.hold.mode)),
+    )  # fmt: skip
+    assert outcome.status is Status.SUCCESS
+    assert (False, GripMode.CARRIED) not in modes
+    assert modes[-1] == (True, GripMode.CARRIED)
 
 
 def test_at_the_top_it_waits_until_the_grip_has_come_to_rest_and_no_longer():

@@ -124,7 +124,7 @@ class Lift(MovingSkill):
         space = space_around(self, map, clearance, held=grasp).leaving(arm.state().q)
         jerk = acceleration / JERK_TIME
         braking = deceleration or acceleration
-        active = None if hold is None or hold.ended else hold
+        active = None if hold is None or hold.ended else hold.under(self.device(Gripper))
         hanging = None if active is None else Hanging(active)
         overload = None if active is None else OverloadMonitor(active)
         lost = watch_fruit(self, hold)
@@ -142,6 +142,8 @@ class Lift(MovingSkill):
             )
 
         trajectory = way_up()
+        if active is not None:
+            active.lift(0.0)
         scale = weighing(self)
         hangs = False
 
@@ -149,6 +151,8 @@ class Lift(MovingSkill):
             gone = ""
             if hold is not None:
                 show_grip(self, hold)
+            if active is not None:
+                active.lift(risen())
             if overload is not None:
                 overload.require_bearable()
             if hanging is not None:

@@ -224,6 +224,16 @@ def test_the_modes_follow_each_other_as_drawn() -> None:
     assert reference.mode is GripMode.CARRIED
 
 
+def test_no_load_counts_as_a_hanging_fruits_before_the_hand_has_risen() -> None:
+    reference = lifted(GripSettings(margin=MARGIN))
+    reference.stand_until_lifted(True)
+    follow(reference, [load(2.0)] * 1000)
+    assert reference.mode is GripMode.LIFTING
+    reference.stand_until_lifted(False)
+    follow(reference, [load(2.0)] * 60)
+    assert reference.mode is GripMode.CARRIED
+
+
 @pytest.mark.parametrize("is_lifted", [True, False])
 def test_a_mode_that_a_skill_asked_for_ends_where_it_began(is_lifted: bool) -> None:
     reference = carrying() if is_lifted else lifted(GripSettings())

@@ -224,6 +224,10 @@ class GripController:
         if self._reference.slide(force) and force is None:
             self._start_slip_detection()
 
+    def stand_until_lifted(self, stands: bool) -> None:
+        """See `ForceReference.stand_until_lifted`."""
+        self._reference.stand_until_lifted(stands)
+
     def set_friction(
         self, contact: SoftContact, mu_uncertainty: float, initial_force: float
     ) -> None:

@@ -51,6 +51,9 @@ from pomona.skills.grip.sensor import EARLIEST, STALE_AFTER
 from pomona.skills.grip.settings import GripSettings
 
 KEPT = 2000  # recorded samples kept until `drain`: 20 s; the oldest are dropped first
+TAKEN_OVER = (
+    1e-3  # rise of the hand that takes a fruit's weight over [m]: 0.2 mm did in the simulated pads
+)
 RECORDED_RATE = 100.0  # rate of the samples for viewers [Hz]
 
 _HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
@@ -208,6 +211,11 @@ class Hold:
         """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
         with self._lock:
             self._controller.slide(force)
+
+    @command
+    def lift(self, risen: float) -> None:
+        """Tell how far the hand has risen with the fruit [m]; before `TAKEN_OVER` the fruit stands, whatever it weighs."""
+        self._controller.stand_until_lifted(risen < TAKEN_OVER)
 
     @command
     def rest_on_contact(self, contact: float | None) -> None:

@@ -35,6 +35,7 @@ class Levels:
         for_weight: force that it would need without its moment, as gripped at its centre [N].
         limit: upper bound of the reference [N].
         may_fall: False after doubt about the sensors.
+        stands: True while the hand has not risen far enough for the fruit to hang.
     """
 
     def __init__(self, settings: GripSettings) -> None:
@@ -42,6 +43,7 @@ class Levels:
         self.held = self.wanted = self.for_weight = 0.0
         self.limit = math.inf
         self.may_fall = True
+        self.stands = False
         self._urgent = LowPass(self.tuned.low_pass, 0.0)
         self._target = LowPass(self.tuned.excess_lag, 0.0)
 
@@ -201,7 +203,7 @@ class LiftingMode(Mode):
         is_steady = (
             estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
         )
-        if estimate.f_t < tuned.carried_load:
+        if levels.stands or estimate.f_t < tuned.carried_load:
             self._loaded_for = 0.0
         elif is_steady:  # a rising load neither counts nor starts again
             self._loaded_for += elapsed
@@ -407,6 +409,10 @@ class ForceReference:
             return False
         self.mode = self._resumed if force is None else GripMode.SLIDING
         return True
+
+    def stand_until_lifted(self, stands: bool) -> None:
+        """Count no load as that of a hanging fruit while it `stands`: pads that have slid keep some."""
+        self._levels.stands = stands
 
     def freeze(self, reason: str) -> None:
         """Never lower the reference again; the first reason is kept."""
