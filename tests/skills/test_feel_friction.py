@@ -93,7 +93,7 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert outcome.duration < 1.3
 
 
-@pytest.mark.parametrize(("linkage", "ways"), [(0.0, 2), (1.0, 3)])
+@pytest.mark.parametrize(("linkage", "ways"), [(0.0, 3), (1.0, 4)])
 def test_pads_that_a_linkage_moves_down_as_they_close_leave_no_push_on_the_floor(linkage, ways):
     scene = Standing(0.8, weight=4.0, linkage=linkage)
     hold = scene.grasp()
@@ -103,12 +103,20 @@ def test_pads_that_a_linkage_moves_down_as_they_close_leave_no_push_on_the_floor
     assert 2.0 * PADS * scene.bent > 0.5  # [N], towards the lift
 
 
+def test_the_pads_push_the_fruit_down_with_the_friction_of_a_light_grip_alone():
+    """The fingers press with 2.2 N when they have closed."""
+    scene = Standing(0.8)
+    hold = scene.grasp()
+    assert scene.feel_friction(hold).status is Status.SUCCESS
+    assert 0.5 < hold.press_below - hold.estimate.f_t < 0.8 * 0.7 * 1.3
+
+
 def test_an_arm_that_has_arrived_and_whose_joints_stand_still_is_not_believed():
     scene = Standing()
     hold = scene.grasp()
     before = scene.arm.state()
     scene.arm.state = lambda: replace(before, stamp=scene.clock.now())  # type: ignore[method-assign]
-    with pytest.raises(DeviceFault, match=r"moved 0\.0 mm of 2\.0 mm"):
+    with pytest.raises(DeviceFault, match=r"moved 0\.0 mm of 1\.0 mm"):
         scene.feel_friction(hold)
     assert hold.holds
     assert len(scene.arm.followed) == 1
@@ -135,7 +143,7 @@ def test_a_fruit_that_is_light_by_its_size_is_pressed_before_it_comes_along(know
     pressed: list[float] = []
 
     def watch(_tick: int) -> None:
-        if scene.risen > 0.0 and not pressed:
+        if scene.risen > 0.0 and len(scene.arm.followed) == 3 and not pressed:
             pressed.append(hold.reading.f_n)
 
     assert scene.feel_friction(hold, watch).status is Status.SUCCESS

@@ -29,7 +29,7 @@ SLIDING = (0.4, 0.92)
 """Part of the distance, by the arm's joints, on which the pads slide: before it pads and skin deform, after it they
 come to rest and creep back."""
 
-RISING = 0.5  # upward path beyond the distance, relative to it: the force rises, the fruit's weight comes on gently
+RISING = 0.5  # upward path before and beyond the distance, relative to it: the fruit's weight comes on gently
 DISTANCE = 2e-3  # path of the slides [m]
 FEELING_SPEED = 0.02  # of the pads on it [m/s]
 SETTLING = 0.1  # error of the grip force that counts as reached [N]
@@ -48,10 +48,11 @@ class Felt(Outputs):
 class FeelFriction(MovingSkill):
     """Measure the friction of a standing fruit by sliding the pads down and up, and use it from then on.
 
-    With a light grip force the fruit stands still and the pads slide. At the end of the way up the force rises while
-    they slide, so that the weight comes on them gently; pads that a linkage moves down meanwhile rise once more. A
-    fruit that is lighter than the friction moves with the pads; then only the way down counts. If the pads do not
-    slide, the configured friction is kept. The grip presses with `force_after` afterwards, however the slides end.
+    With a light grip force the fruit stands still and the pads slide. Before, a short way up takes it off what carries
+    it: then both pads press alike, and none pushes it down with the force of closing. At the end of the way up the force
+    rises while they slide, so that the weight comes on them gently; pads that a linkage moves down meanwhile rise once
+    more. A fruit that is lighter than the friction moves with the pads; then only the way down counts. If the pads do
+    not slide, the configured friction is kept. The grip presses with `force_after` afterwards, however the slides end.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
@@ -96,15 +97,16 @@ class FeelFriction(MovingSkill):
     def _measure(self, hold: Hold, force: float, force_after: float) -> Work[Slide]:
         """Slide down, and up with the force rising at the end; NoSlideError: blocked, or the pads did not slide."""
         settings = hold.settings
-        down = self._line("down", -DISTANCE)
+        more = RISING * DISTANCE
+        self._line("down", -DISTANCE)
         hold.slide(force)
-        # Down at once: the pads slide also while the force of closing comes down.
-        wrenches_down = yield from self._slide(hold, down, DISTANCE)
+        yield from self._slide(hold, self._line("up", more), more)
+        down = DISTANCE + more
+        wrenches_down = yield from self._slide(hold, self._line("down", -down), down)
         load_down = hold.estimate.load
         yield from self._press(hold, force)
         if moves_with_pads(wrenches_down, force, hold.estimate.force_sum, settings.expected_load):
             hold.slide(force_after)
-        more = RISING * DISTANCE
         up = self._line("up", DISTANCE + more)
         wrenches_up = yield from self._slide(hold, up, DISTANCE + more, force_after)
         yield from self._press(hold, force_after)
@@ -154,14 +156,14 @@ class FeelFriction(MovingSkill):
         samples: list[tuple[float, Float64]] = []
         stamps = []
         shares = []
+        before = max(way - DISTANCE, 0.0) if then is None else 0.0
 
         def watch() -> None:
             self._watch(hold)
             state = arm.state()
             stamps.append(state.stamp)
-            shares.append(
-                float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / min(way, DISTANCE)
-            )
+            moved = float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start))
+            shares.append((moved - before) / min(way, DISTANCE))
             if then is not None and shares[-1] > SLIDING[1]:
                 hold.slide(then)
 
@@ -173,7 +175,7 @@ class FeelFriction(MovingSkill):
         finally:
             subscription.close()
         if max(shares) < SLIDING[0]:
-            moved = f"moved {1e3 * min(way, DISTANCE) * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
+            moved = f"moved {1e3 * (before + min(way, DISTANCE) * max(shares)):.1f} mm of {1e3 * way:.1f} mm by its joints"
             raise DeviceFault("arm", f"{moved}, but its driver reports its arrival")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         sliding = [wrenches for stamp, wrenches in samples if first <= stamp <= last]

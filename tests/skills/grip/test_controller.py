@@ -235,20 +235,6 @@ def holding(**changes: Any) -> tuple[GripController, np.ndarray]:
     return controller, wrenches
 
 
-def test_each_fault_is_reported_in_words() -> None:
-    controller, wrenches = holding()
-    controller.step(1.0, 500, wrenches)
-    controller.step(1.0, 500, wrenches)
-    controller.step(0.99, 495, wrenches)
-    controller.step(1.002, 501, wrenches * np.nan)
-    controller.step(1.102, 551, wrenches)
-    text = " ".join(controller.warnings)
-    assert "repeated" in text
-    assert "out of order" in text
-    assert "not finite" in text
-    assert "missing" in text
-
-
 def test_a_saturated_finger_neither_opens_nor_closes_and_is_reported() -> None:
     controller, wrenches = holding()
     speeds = [
@@ -288,7 +274,7 @@ def test_a_finger_that_reads_too_little_does_not_let_the_other_one_press_beyond_
     assert controller.problem is not None
 
 
-def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_again() -> None:
+def test_after_a_jump_of_one_fingers_load_alone_the_force_never_falls_again() -> None:
     controller, wrenches = holding()
     for i in range(1000):
         if i == 500:
@@ -298,7 +284,7 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
         wrenches[:, 2] += (
             0.5 * controller.settings.loop.stiffness * controller.speed * 0.002
         )  # the pads give
-    assert any("jumped alone" in warning for warning in controller.warnings)
+    assert controller.is_frozen
     assert controller.reading.f_ref >= before - 0.02
 
 
@@ -312,15 +298,14 @@ def test_a_load_that_jumps_on_one_finger_is_no_fault_while_a_support_carries_the
     for i in range(100):
         controller.step(1.2 + 0.002 * i, 600 + i, wrenches)
     assert controller.problem is None
-    assert not controller.warnings
+    assert not controller.is_frozen
 
 
-def test_a_jump_of_one_fingers_press_alone_is_reported() -> None:
+def test_after_a_jump_of_one_fingers_press_alone_the_fingers_do_not_open() -> None:
     controller, wrenches = holding()
     wrenches[1, 2] -= 1.0
-    for i in range(100):
-        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
-    assert any("normal force jumped alone" in warning for warning in controller.warnings)
+    speeds = [controller.step(1.0 + 0.002 * i, 500 + i, wrenches) for i in range(100)]
+    assert all(speed is None or speed <= 0.0 for speed in speeds)
 
 
 def test_a_million_steps_leave_nothing_behind() -> None:

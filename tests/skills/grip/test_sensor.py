@@ -34,7 +34,7 @@ def periods(guard: StreamGuard, stamp: float, sequence: int, wrenches: np.ndarra
     return 0 if sample is None else sample.periods
 
 
-def test_the_guard_counts_periods_and_names_irregular_ones() -> None:
+def test_the_guard_counts_periods_and_drops_irregular_samples() -> None:
     guard = StreamGuard(0.002)
     zero = np.zeros((2, 6))
     assert periods(guard, 0.000, 0, zero) == 1
@@ -44,11 +44,6 @@ def test_the_guard_counts_periods_and_names_irregular_ones() -> None:
     assert periods(guard, 0.004, 2, np.full((2, 6), np.nan)) == 0
     assert periods(guard, 0.012, 6, zero) == 5
     assert periods(guard, 1.012, 506, zero) == 10
-    text = " ".join(guard.findings())
-    assert "1 repeated" in text
-    assert "1 samples came out of order" in text
-    assert "not finite" in text
-    assert "503 samples are missing, the longest gap was 998 ms" in text
 
 
 def test_a_restarted_sensor_is_followed() -> None:

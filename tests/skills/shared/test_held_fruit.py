@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pomona.drivers.fruit_body import UNKNOWN_PRESSURE, bruising_force
+from pomona.drivers.fruit_body import HARD_MODULUS, UNKNOWN_PRESSURE, bruising_force
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hand, PressSensor
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.shared import held_fruit
@@ -126,6 +126,7 @@ def account_of(turned: float) -> dict[str, tuple[str, float]]:
         ended=False,
         reading=SimpleNamespace(f_n=4.0, f_t=2.0),
         peaks=np.array([9.0, 5.0, 4.0]),
+        press_below=3.5,
         turned=turned,
     )
     note_held(skill, hold, apple_at(1, 3))
@@ -134,6 +135,11 @@ def account_of(turned: float) -> dict[str, tuple[str, float]]:
 
 def test_the_largest_press_of_the_pads_is_in_the_account_of_a_held_fruit() -> None:
     assert account_of(0.0)["the pads"][1] == pytest.approx(2.5 / bruising(apple_at(1, 3)))
+
+
+def test_what_carried_the_fruit_before_the_lift_is_in_the_account_as_hard() -> None:
+    hard = bruising(apple_at(1, 3), HARD_MODULUS)
+    assert account_of(0.0)["its support"][1] == pytest.approx(3.5 / hard)
 
 
 def test_a_fruit_that_has_turned_in_the_pads_makes_the_task_done_in_part() -> None:

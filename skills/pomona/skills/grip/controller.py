@@ -128,19 +128,6 @@ class GripController:
         return self._timing.near
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Doubts about the stream and the grip, as sentences."""
-        frozen = (
-            (f"{self._reference.frozen}: the force is not lowered any more",)
-            if self._reference.frozen
-            else ()
-        )
-        alone = (
-            ("one finger's normal force jumped alone",) if self._sensors.has_pressed_alone else ()
-        )
-        return (*self._guard.findings(), *frozen, *alone)
-
-    @property
     def tracked_force(self) -> float:
         """Grip force that is compared with the reference [N].
 

@@ -59,6 +59,7 @@ HELD = (
     GripMode.CATCHING,
 )  # modes of `HOLDING`
 HANGING = (GripMode.CARRIED, GripMode.CATCHING)  # modes of a fruit that hangs in the fingers
+LIFTED = HELD[1:]  # modes of a fruit that its support bears no longer, or not alone
 IN_HAND = (*HELD, GripMode.SLIDING)  # modes of a fruit in hand
 
 

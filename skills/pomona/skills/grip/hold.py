@@ -16,6 +16,7 @@ The subscription to the sensor keeps the object alive.
 from __future__ import annotations
 
 import weakref
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from threading import RLock
@@ -39,6 +40,7 @@ from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import (
     IN_HAND,
     LIES,
+    LIFTED,
     GripMode,
     GripPhase,
     GripProblem,
@@ -54,6 +56,7 @@ KEPT = 2000  # recorded samples kept until `drain`: 20 s; the oldest are dropped
 TAKEN_OVER = (
     1e-3  # rise of the hand that takes a fruit's weight over [m]: 0.2 mm did in the simulated pads
 )
+PRESSES = 5  # samples over which a push is averaged: shorter ones bruise none
 RECORDED_RATE = 100.0  # rate of the samples for viewers [Hz]
 
 _HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
@@ -99,6 +102,7 @@ class Hold:
             7
         )  # largest of each column of `GripSamples` that `drain` has returned
         self._written = self._drained = self._seen = 0
+        self._pushes = deque([np.zeros(3)], KEPT)
         _HOLDS[identity(gripper)] = self
         self._subscription: Subscription = sensor.subscribe(self._on_sample)
 
@@ -151,6 +155,12 @@ class Hold:
         return self._controller.turned
 
     @property
+    def press_below(self) -> float:
+        """Largest force of its support on the fruit that hangs now [N]: its weight, and the pads' pushes of 20 s."""
+        pushes = np.array([*self.estimate.load, 0.0]) - self._pushes
+        return float(np.linalg.norm(pushes, axis=1).max())
+
+    @property
     def has_settled(self) -> bool:
         """True when the force has fallen to the requirement of the load."""
         return self._controller.has_settled
@@ -187,11 +197,6 @@ class Hold:
                     {"age_s": age},
                 )
         return self._controller.problem or self._device_problem
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Doubts about the stream and the grip, one sentence each."""
-        return self._controller.warnings
 
     @property
     def ended(self) -> bool:
@@ -302,6 +307,11 @@ class Hold:
             self._report_sensor_fault()
             self._seen += 1
             if self._seen % self._record_every == 0:
+                if controller.mode not in LIFTED:
+                    estimate = controller.estimate
+                    now = np.array([*estimate.load, estimate.left - estimate.right])
+                    last = self._pushes[-1]
+                    self._pushes.append(last + (now - last) / PRESSES)
                 self._samples[self._written % KEPT] = controller.row()
                 self._written += 1
 

@@ -44,15 +44,13 @@ class GripSample(NamedTuple):
 
 
 class StreamGuard:
-    """Lets valid samples through and counts the others."""
+    """Lets valid samples through."""
 
     def __init__(self, period: float) -> None:
         self.period = period
         self._most_periods = max(round(LONGEST_CATCH_UP / period), 1)
         self.stamp = -math.inf
         self.sequence = -1
-        self.repeated = self.out_of_order = self.missing = self.not_finite = 0
-        self.longest_gap = 0.0
 
     def accept(
         self,
@@ -63,42 +61,17 @@ class StreamGuard:
     ) -> GripSample | None:
         """Return the sample, or None for one to be ignored."""
         if not (math.isfinite(stamp) and math.isfinite(wrenches.sum())):
-            self.not_finite += 1
             return None
         is_first = self.sequence < 0
         if not is_first and sequence <= self.sequence and stamp < self.stamp + RESTART_AFTER:
-            if sequence == self.sequence:
-                self.repeated += 1
-            else:
-                self.out_of_order += 1
             return None
         if stamp <= self.stamp:
-            self.out_of_order += 1
             return None
         gap = 0.0 if is_first else stamp - self.stamp - self.period
-        self.missing += 0 if is_first else max(sequence - self.sequence - 1, 0)
-        self.longest_gap = max(self.longest_gap, gap)
         self.stamp = stamp
         self.sequence = sequence
         periods = 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
         return GripSample(stamp, periods, periods * self.period, wrenches, saturated)
-
-    def findings(self) -> tuple[str, ...]:
-        """Return one sentence for each kind of invalid sample so far."""
-        found = []
-        if self.repeated:
-            found.append(f"{self.repeated} repeated samples were ignored")
-        if self.out_of_order:
-            found.append(f"{self.out_of_order} samples came out of order and were ignored")
-        if self.not_finite:
-            found.append(
-                f"{self.not_finite} samples held values that are not finite and were ignored"
-            )
-        if self.missing or self.longest_gap > 1.5 * self.period:
-            found.append(
-                f"{self.missing} samples are missing, the longest gap was {1e3 * self.longest_gap:.0f} ms"
-            )
-        return tuple(found)
 
 
 class Timer:
@@ -231,7 +204,6 @@ class SensorWatch:
         reason: sensor fault as a sentence; empty while the readings are plausible.
         no_signal: True when the samples carry no information: the controller then commands zero speed.
         doubt: reason why the grip must not be opened although the readings may be right; empty without any.
-        has_pressed_alone: True after one finger's normal force has jumped alone.
     """
 
     def __init__(self, settings: GripSettings) -> None:
@@ -239,7 +211,7 @@ class SensorWatch:
         self._filters = settings.filters
         self._rate = settings.rate
         self.reason = self.doubt = ""
-        self.no_signal = self.has_pressed_alone = False
+        self.no_signal = False
         self._limits = np.full((2, 6), np.inf)
         self._runs = np.zeros((2, 6))
         self._last = np.full((2, 6), np.nan)
@@ -295,10 +267,8 @@ class SensorWatch:
         fading = math.exp(-elapsed / s.own_motion_memory)
         self._force_rate = max(abs(force_rate), self._force_rate * fading)
         self._acceleration = max(acceleration, self._acceleration * fading)
-        if is_carried:
-            self.has_pressed_alone = self.has_pressed_alone or estimate.one_presses_more
-            if estimate.shear_jump > self._filters.jump:
-                self.doubt = self.doubt or "one finger's signal jumped alone"
+        if is_carried and estimate.shear_jump > self._filters.jump:
+            self.doubt = self.doubt or "one finger's signal jumped alone"
         if not is_carried or any(saturated):
             self._apart.lasted = self._load = self._held.lasted = 0.0
             return

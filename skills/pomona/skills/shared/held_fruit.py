@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from pomona.drivers.fruit_body import PAD_MODULUS, UNKNOWN_PRESSURE, bruising_force
+from pomona.drivers.fruit_body import HARD_MODULUS, PAD_MODULUS, UNKNOWN_PRESSURE, bruising_force
 from pomona.drivers.interfaces import (
     OTHER_FRUIT,
     ForceSensor,
@@ -95,6 +95,7 @@ def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None
         reading = hold.reading
         found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
         note_press(skill, "the pads", 0.5 * hold.peaks[1], fruit)
+        note_press(skill, "its support", hold.press_below, fruit, HARD_MODULUS)
         if fruit is not None:
             skill.account(HELD_FRUIT, "; ".join(_contradictions(width, hold, fruit)))
     elif sensor is not None:
