@@ -54,7 +54,7 @@ from pomona.skills.grip.settings import GripSettings
 
 KEPT = 2000  # recorded samples kept until `drain`: 20 s; the oldest are dropped first
 TAKEN_OVER = (
-    1e-3  # rise of the hand that takes a fruit's weight over [m]: 0.2 mm did in the simulated pads
+    4e-4  # rise of the hand that takes a fruit's weight over [m]: 0.2 mm did in the simulated pads
 )
 PRESSES = 5  # samples over which a push is averaged: shorter ones bruise none
 RECORDED_RATE = 100.0  # rate of the samples for viewers [Hz]
