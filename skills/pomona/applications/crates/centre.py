@@ -9,14 +9,16 @@ import numpy as np
 from pomona.applications.crates.feeling import FEELING_FAILURES, SETTLE, FeelingSkill, as_it_stands
 from pomona.applications.crates.insertion import centred
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
-from pomona.executive import FORCE, LENGTH, Float64, Force, Length, Outputs, Port, Work
+from pomona.executive import FORCE, Float64, Force, Length, Outputs, Port, Work
 from pomona.skills import tool_pose
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp
 
 FREED = 3e-3
 """Way by which the fingers open when both have felt the fruit [m]: a grip begins with pads that touch nothing."""
-STEPS = 24
+FARTHEST = 6e-3
+"""Largest way of the hand [m]."""
+STEPS = 40
 """Steps of hand or fingers at most."""
 
 
@@ -43,9 +45,6 @@ class Centre(FeelingSkill):
         force: Annotated[
             Force, Port(min="0.5 N", max="3 N", help="that ends a step of the hand")
         ] = FORCE("2 N"),
-        most: Annotated[
-            Length, Port(min="1 mm", max="15 mm", help="largest way of the hand")
-        ] = LENGTH("6 mm"),
     ) -> Work[Centred]:
         gripper = self.device(Gripper)
         begin = tool_pose(self)
@@ -57,7 +56,9 @@ class Centre(FeelingSkill):
 
         def place(pressed: Float64) -> Float64 | None:
             where = centred(tool_pose(self)[:3, 3], begin[:3, :3], pressed)
-            return None if where is None or np.linalg.norm(where - begin[:3, 3]) > most else where
+            return (
+                None if where is None or np.linalg.norm(where - begin[:3, 3]) > FARTHEST else where
+            )
 
         with self.feeling() as hand:
             yield from self.wait(2.0 * SETTLE)

@@ -46,7 +46,7 @@ SHIFTING = Manner(0.006, GENTLE, 20.0)
 """Way of a hand that is shifted beside a fruit."""
 SLOW = 0.012
 """Speed of fingers that close until they feel the fruit [m/s]."""
-CLOSING = 1e-3
+CLOSING = 0.5e-3
 """Way by which they close in a step [m]."""
 SETTLE = 0.06
 """Time over which the fingers' force is averaged [s]."""

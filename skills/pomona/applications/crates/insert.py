@@ -15,8 +15,9 @@ from pomona.applications.crates.feeling import (
 from pomona.applications.crates.hooks import Beside, touched
 from pomona.applications.crates.insertion import OVER, FeltByHand, Insertion
 from pomona.applications.crates.inserts import crowded_side, finger_corners
+from pomona.applications.crates.pull import bears_at_edges, weight_of
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
-from pomona.executive import FORCE, Float64, Force, Length, Outputs, Port, SkillFailure, Work
+from pomona.executive import Float64, Force, Length, Outputs, Port, SkillFailure, Work
 from pomona.skills import Manner, tool_pose
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
@@ -26,10 +27,13 @@ SLOW = Manner(0.012, GENTLE, 20.0)
 """Way down beside fruit that was not touched yet: a contact is 5 to 10 N/mm, and the motor is looked at every 20 ms."""
 TOUCHING = Manner(0.006, GENTLE, 20.0)
 """Every other way."""
-CENTRINGS = 10
+CENTRINGS = 20
 """Steps in which the hand is centred on the fruit."""
 ABOVE = 0.010
 """Height of the fingers' tips over the highest crown at which they slow down [m]."""
+LEAST = 1.0
+MOST = 2.0
+"""Limits of the fingers' force [N]: thrice a touch, whatever the floor presses, and what no fruit needs more of."""
 
 
 class Inserted(Outputs):
@@ -57,11 +61,9 @@ class Insert(FeelingSkill):
         insert: Annotated[
             Grasp, Port(help="one of SampleInsert's, at whose pre-grasp the arm stands")
         ],
-        force: Annotated[
-            Force, Port(min="1 N", max="5 N", help="that the fingers shall not exceed")
-        ] = FORCE("2 N"),
     ) -> Work[Inserted]:
         before = yield from self.stand_over(insert)
+        force = min(MOST, max(bears_at_edges(insert) - weight_of(insert), LEAST))
         with self.feeling() as hand:
             try:
                 law, offset = yield from self._down(insert, before, hand, force)

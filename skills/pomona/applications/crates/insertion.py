@@ -21,7 +21,7 @@ COMPLIANCE = 1e-3
 LONGEST = 1.5e-3
 SHORTEST = 0.4e-3
 """Steps sideways [m]."""
-CENTRING = 0.7e-3
+CENTRING = 0.4e-3
 """Step sideways of a hand whose pads close on the fruit [m]."""
 RELIEF = 1.5e-3
 """Step back up [m]."""

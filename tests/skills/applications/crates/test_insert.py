@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.applications.crates import insert as insert_module
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hooks import Beside
 from pomona.applications.crates.insert import Insert
@@ -97,6 +98,17 @@ def test_what_does_not_give_way_ends_it_at_its_force_and_the_hand_rises():
     assert 0.02 < outcome.reason.data["before_grasp_m"] < 0.035
     assert flank.most < 4.0
     assert is_up_again(scene)
+
+
+def test_a_heavy_fruit_is_pressed_with_what_its_floor_leaves(monkeypatch: pytest.MonkeyPatch):
+    most = []
+    for weight in (0.0, 10.0):
+        monkeypatch.setattr(insert_module, "weight_of", lambda _insert, weight=weight: weight)
+        scene = over_the_fruit()
+        flank = Flank(scene, below=0.03, aside=1.0)
+        assert go_down(scene).reason.code == "FORCE_LIMIT"
+        most.append(flank.most)
+    assert most[1] < 0.8 * most[0]
 
 
 def test_a_push_from_outside_is_felt_by_the_motor_and_ends_it_too():
