@@ -98,7 +98,7 @@ class FeelFriction(MovingSkill):
         """Slide down, and up with the force rising at the end; NoSlideError: blocked, or the pads did not slide."""
         settings = hold.settings
         more = RISING * DISTANCE
-        self._line("down", -DISTANCE)
+        self._line("down", -DISTANCE)  # a way that is not free is known before anything moves
         hold.slide(force)
         yield from self._slide(hold, self._line("up", more), more)
         down = DISTANCE + more

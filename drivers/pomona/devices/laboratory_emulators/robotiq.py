@@ -21,7 +21,7 @@ READ = 2000
 OPENING = 1
 CLOSING = 2
 THERE = 3
-"""What the object detection tells: stopped while it opened, while it closed; at its position."""
+"""Values of gOBJ: stopped by an object while opening, while closing; at the wanted position."""
 BYTE = 10 / 115200
 """Time of a byte on the line [s]."""
 TURN = 0.002
